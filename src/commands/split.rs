@@ -94,9 +94,8 @@ pub fn run(args: &Args) -> Result<()> {
         Some(_) => bail!("give `--gpu-memory` a size, such as `8GiB`"),
         None => None,
     };
-    let refine = std::mem::take(&mut config.poses.refine);
-    let is_changed = refine == PoseSwitch::Auto || config.poses.cameras.is_some();
-    let cameras = if is_changed { adjusted(&config, refine, &mut scene)? } else { None };
+    let cameras = if config.poses.change() { adjusted(&config, &mut scene)? } else { None };
+    config.poses.refine = PoseSwitch::Off;
     let planner = Planner { args, scene: &scene, cutter: Cutter::new(&scene), config: &config };
     let plan = match (args.blocks, budget) {
         (None, Some(budget)) => planner.as_few_as_fit(budget)?,
@@ -117,13 +116,11 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// The scene's cameras, those that the options name or adjusted to what all of its photos have in common, and its points moved
 /// along, where they then fit clearly better; none where they stay.
-fn adjusted(config: &TrainConfig, refine: PoseSwitch, scene: &mut PosedScene) -> Result<Option<Vec<CameraRecord>>> {
+fn adjusted(config: &TrainConfig, scene: &mut PosedScene) -> Result<Option<Vec<CameraRecord>>> {
     let source = config.source.as_ref().context("a plan has a scene")?;
     let mut dataset = load_scene(config, source, &Bars::default())?;
-    let mut config = config.clone();
-    config.poses.refine = refine;
     let known = dataset.notes.len();
-    adjust_cameras(&mut dataset, &mut config, &Bars::default())?;
+    adjust_cameras(&mut dataset, &mut config.clone(), &Bars::default())?;
     dataset.notes[known..].iter().for_each(|note| stderr!("note: {note}"));
     if dataset.loaded_checksum.is_none() {
         return Ok(None);

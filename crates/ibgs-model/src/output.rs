@@ -51,6 +51,7 @@ use crate::scene::write_points_ply;
 use cameras::{CameraRecord, Split};
 use multi_view::ViewSources;
 use results::{Protocol, Scored, ViewScore};
+use serde::Serialize;
 use std::collections::HashMap;
 use std::fs;
 use std::io;
@@ -291,7 +292,7 @@ impl OutputFolder {
         let path = self.root.join(file);
         let mut all = read_object(&path)?;
         all.insert(format!("ours_{iteration}"), value);
-        Ok(write_json(&path, &all.into())?)
+        Ok(write_json(&path, &all)?)
     }
 
     /// Entries `PREFIX<number>SUFFIX` of a folder, with their numbers.
@@ -333,7 +334,7 @@ fn named_picture(mut path: PathBuf, name: &str) -> PathBuf {
     path
 }
 
-fn write_json(path: &Path, value: &serde_json::Value) -> Result<(), WriteError> {
+pub(crate) fn write_json(path: &Path, value: &impl Serialize) -> Result<(), WriteError> {
     files::write_atomically(path, |out| {
         serde_json::to_writer_pretty(&mut *out, value).map_err(io::Error::from)?;
         out.write_all(b"\n")

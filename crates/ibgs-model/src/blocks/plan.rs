@@ -2,8 +2,9 @@
 
 use super::Core;
 use crate::config::{ConfigError, TrainConfig};
-use crate::files::{self, WriteError};
+use crate::files::WriteError;
 use crate::output::cameras::{CameraRecord, to_json};
+use crate::output::write_json;
 use serde::{Deserialize, Serialize};
 use serde_json::json;
 use std::path::{Path, PathBuf};
@@ -195,8 +196,7 @@ impl PlanFolder {
     /// # Errors
     /// [`PlanError::Write`].
     pub fn write_cameras(&self, cameras: &[CameraRecord]) -> Result<(), PlanError> {
-        let text = serde_json::to_string_pretty(&to_json(cameras));
-        Ok(files::write_atomically(&self.cameras_path(), |out| out.write_all((text? + "\n").as_bytes()))?)
+        Ok(write_json(&self.cameras_path(), &to_json(cameras))?)
     }
 
     /// Writes a plan, and the options that its trainings have in common.
@@ -204,17 +204,14 @@ impl PlanFolder {
     /// # Errors
     /// [`PlanError::Write`], [`PlanError::Config`]; the plan itself comes last.
     pub fn write(&self, plan: &BlockPlan, config: &TrainConfig) -> Result<(), PlanError> {
-        let write = |path: &Path, text: serde_json::Result<String>| {
-            files::write_atomically(path, |out| out.write_all((text? + "\n").as_bytes()))
-        };
         config.save(&self.config_path())?;
         for (number, Block { train, test, .. }) in (0..).zip(&plan.blocks) {
             let names = json!({ "train": train, "test": test });
-            write(&self.split_path(number), serde_json::to_string_pretty(&names))?;
+            write_json(&self.split_path(number), &names)?;
         }
         let BlockPlan { blocks, memory_limit } = plan.clone();
         let file = PlanFile { format: FORMAT, memory_limit, blocks };
-        Ok(write(&self.root.join(FILE), serde_json::to_string_pretty(&file))?)
+        Ok(write_json(&self.root.join(FILE), &file)?)
     }
 
     /// Reads the plan.

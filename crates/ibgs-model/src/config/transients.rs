@@ -33,6 +33,8 @@ impl TransientConfig {
     /// Which values make sense.
     pub(super) fn check(&self, config: &TrainConfig, check: &Check<'_>) -> Result<(), ConfigError> {
         let holds = self.mask != TransientSwitch::On || !config.data.shows_object();
-        check.require(holds, "transients.mask", "on", "photos of an object have masks of their own: leave it out, or say what else they show (`data.masks`, `data.alpha`)")
+        let advice = "photos of an object have masks of their own: leave it out, or say what else they show \
+                      (`data.masks`, `data.alpha`)";
+        check.require(holds, "transients.mask", "on", advice)
     }
 }

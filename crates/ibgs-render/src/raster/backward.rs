@@ -47,26 +47,13 @@ impl Forward {
     /// When the pass did not keep what its gradients need, or has a surface: bugs of ours.
     pub fn weighted(&self, gpu: &Gpu, count: usize, values: &Buffer<f32>) -> Result<Vec<[f32; 4]>, GpuError> {
         assert!(self.surface.is_none(), "a surface has more gradients");
-        let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
-        let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
         // Zero for those that are not seen.
         let sums = gpu.allocate("sums of Gaussians", count)?;
-        let (v_screen, v_log_scales) =
-            (&gpu.transient("screen sums", count)?, &gpu.transient("covariance sums", 3 * count)?);
+        let (screen, covariances) =
+            (gpu.transient("screen sums", count)?, gpu.transient("covariance sums", 3 * count)?);
         let mut pass = Pass::new(gpu, "weighted sums");
         self.record_blend(&mut pass, values);
-        let bindings = SumRowsBindings {
-            offsets,
-            tile_counts,
-            total,
-            v_isect_color,
-            v_isect_xy,
-            v_isect_cov,
-            v_rotations: &sums,
-            v_screen,
-            v_log_scales,
-        };
-        pass.linear(&bindings, &self.frame, count);
+        self.record_row_sums(&mut pass, count, [&sums, &screen], &covariances);
         pass.submit();
         gpu.read(&sums, count)
     }
@@ -178,26 +165,37 @@ impl Forward {
         }
     }
 
+    /// Sums the rows of the tile intersections of a pass without a surface by Gaussian.
+    fn record_row_sums(
+        &self,
+        pass: &mut Pass,
+        count: usize,
+        [v_rotations, v_screen]: [&Buffer<[f32; 4]>; 2],
+        v_log_scales: &Buffer<f32>,
+    ) {
+        let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
+        let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
+        let sums = SumRowsBindings {
+            offsets,
+            tile_counts,
+            total,
+            v_isect_color,
+            v_isect_xy,
+            v_isect_cov,
+            v_rotations,
+            v_screen,
+            v_log_scales,
+        };
+        pass.linear(&sums, &self.frame, count);
+    }
+
     /// Sums the rows of the tile intersections by Gaussian.
     fn record_sums(&self, pass: &mut Pass, count: usize, base: Base, planes: Option<[&Buffer<f32>; 2]>) {
         let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
         let Base { v_rotations, v_log_scales, v_screen, .. } = base;
         match planes {
-            None => {
-                let sums = SumRowsBindings {
-                    offsets,
-                    tile_counts,
-                    total,
-                    v_isect_color,
-                    v_isect_xy,
-                    v_isect_cov,
-                    v_rotations,
-                    v_screen,
-                    v_log_scales,
-                };
-                pass.linear(&sums, &self.frame, count);
-            }
+            None => self.record_row_sums(pass, count, [v_rotations, v_screen], v_log_scales),
             Some([v_normals, v_plane_offsets]) => {
                 let sums = SumRowsSurfaceBindings {
                     offsets,

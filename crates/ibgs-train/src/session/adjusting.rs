@@ -25,8 +25,8 @@ const LENS: f64 = 6e-3;
 
 /// Gives the views the cameras of a file, where the options name one. Otherwise adjusts them, where they are refined, to the
 /// scene's tracks, or to what the photos have in common where it has none, if they then fit clearly better; with the points that
-/// the tracks have. Other views move with the common frame and have the lens of their photos. A note says what came of it. The options then say `auto`; where nothing could be compared `on` stays, which leaves it to
-/// the Gaussians, and `auto` becomes `off`.
+/// the tracks have. Other views move with the common frame and have the lens of their photos. A note says what came of it. The
+/// options then say `auto`; where nothing could be compared `on` stays, which leaves it to the Gaussians, and `auto` becomes `off`.
 ///
 /// # Errors
 /// A file of the scene, or of the cameras, is damaged, or no longer there.
