@@ -17,6 +17,10 @@ use std::path::{Path, PathBuf};
 
 /// Default number of Gaussians of the synthetic scene, and its image size.
 const USUAL: (usize, [u32; 2]) = (100_000, [960, 540]);
+/// The same of the configurations of `--submit`, which are measured alike everywhere.
+const SUBMITTED: [(usize, [u32; 2]); 2] = [USUAL, (1_000_000, [1920, 1080])];
+/// The one of software adapters.
+const SUBMITTED_SOFTWARE: [(usize, [u32; 2]); 1] = [(10_000, [160, 120])];
 
 const EXAMPLES: &str = "\
 Options that take several values, separated by commas, make a table with one row per configuration: the first values \
@@ -24,7 +28,8 @@ together, then each other value of one option with the first values of the other
 
 Examples:
   ibgs bench output/my-scene
-  ibgs bench --gaussians 100k,1M --size 540p,1080p --json bench.json";
+  ibgs bench --gaussians 100k,1M --size 540p,1080p --json bench.json
+  ibgs bench --submit my-card.json";
 
 /// Options of `ibgs bench`.
 #[derive(ClapArgs)]
@@ -61,6 +66,10 @@ pub struct Args {
     /// Also print the times of an earlier run, from its file of `--json`, beside those of this one.
     #[arg(long, value_name = "FILE")]
     compare: Option<PathBuf>,
+    /// Measure what docs/benchmarks.md compares adapters by, write it to this file, and print the row of its table.
+    #[arg(long, value_name = "FILE", conflicts_with_all = ["models", "gaussians", "size", "sources", "intersections",
+        "sh_degree", "precision", "json"])]
+    submit: Option<PathBuf>,
     /// Adapter by number or part of its name; `ibgs info` lists them [default: the most capable].
     #[arg(long)]
     adapter: Option<String>,
@@ -88,7 +97,7 @@ struct Change {
 /// Runs the command.
 pub fn run(args: &Args) -> Result<()> {
     check(args)?;
-    let changes = args.changes()?;
+    let mut changes = args.changes()?;
     // Models are read before the device is opened: errors that need no device come first.
     let models = args.models.iter().map(|path| load(path)).collect::<Result<Vec<_>>>()?;
     for change in &changes {
@@ -96,6 +105,11 @@ pub fn run(args: &Args) -> Result<()> {
     }
     let before = args.compare.as_ref().map(|path| Ok::<_, anyhow::Error>((path, compare::read(path)?))).transpose()?;
     let gpu = open_gpu(args.adapter.as_ref(), Use::Training)?;
+    if args.submit.is_some() {
+        let all: &[_] = if gpu.is_software() { &SUBMITTED_SOFTWARE } else { &SUBMITTED };
+        let change = |&(count, size)| Change { gaussians: Some(count), size: Some(size), ..Change::default() };
+        changes = all.iter().map(change).collect();
+    }
     let rates = Rates::measure(&gpu)?;
     tables::print_rates(&rates);
     let version = env!("CARGO_PKG_VERSION").to_owned();
@@ -130,8 +144,11 @@ pub fn run(args: &Args) -> Result<()> {
         }
         tables::print_growth(&report.configurations[first..]);
     }
-    if let Some(path) = &args.json {
+    if let Some(path) = args.json.as_ref().or(args.submit.as_ref()) {
         ibgs_core::files::write_atomically(path, |out| serde_json::to_writer_pretty(out, &report).map_err(Into::into))?;
+    }
+    if let Some(path) = &args.submit {
+        tables::print_rows(&report, path);
     }
     if let Some((path, before)) = before {
         compare::check(&before, &report, path)?;

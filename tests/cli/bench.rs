@@ -75,3 +75,21 @@ fn a_run_is_compared_with_an_earlier_one() {
     }
     sandbox.fails(&format!("{bench} --gaussians 400 --compare before.json"), &["no configuration in common"]);
 }
+
+#[test]
+fn a_submission_has_fixed_configurations_and_their_rows() {
+    let sandbox = Sandbox::new();
+    let outcome = sandbox.succeeds("bench --submit card.json --iterations 5");
+    let report: Report = serde_json::from_str(&sandbox.text("card.json")).unwrap();
+    let measured: Vec<_> =
+        report.configurations.iter().map(|c| (c.load.gaussians, c.width, c.height, c.load.sources)).collect();
+    assert_eq!(measured, [(10_000, 160, 120, 4)]);
+    let rows: Vec<_> = outcome.stdout.lines().filter(|line| line.starts_with("| ")).collect();
+    assert_eq!(rows.len(), 1, "{outcome}");
+    assert!(rows[0].contains(&report.device.name), "{outcome}");
+    let cells: Vec<_> = rows[0].split('|').map(str::trim).collect();
+    let times: Vec<String> =
+        report.configurations[0].timings.iter().map(|timing| format!("{:.2}", timing.in_a_row_ms)).collect();
+    assert_eq!(cells[5..5 + times.len()], times, "{outcome}");
+    sandbox.fails("bench --submit card.json --gaussians 1k", &["--submit", "--gaussians"]);
+}

@@ -2,7 +2,8 @@
 
 use crate::stdout;
 use ibgs_core::gpu::Bytes;
-use ibgs_train::bench::{Configuration, Rates, Timing, Work};
+use ibgs_train::bench::{Configuration, Rates, Report, Timing, Work};
+use std::path::Path;
 
 /// Prints the rates from which the floors are computed.
 pub fn print_rates(rates: &Rates) {
@@ -92,4 +93,16 @@ pub fn print_growth(configurations: &[Configuration]) {
         );
     }
     stdout!("times in ms, medians of single runs by the clock");
+}
+
+/// Prints the rows of the table of adapters in docs/benchmarks.md, and what to do with them.
+pub fn print_rows(report: &Report, path: &Path) {
+    let Report { version, device, configurations, .. } = report;
+    stdout!();
+    stdout!("{} and these rows of \"By adapter\" in docs/benchmarks.md are the submission:", path.display());
+    for Configuration { width, height, load, timings, .. } in configurations {
+        let what = format!("{} Gaussians, {width} x {height}", load.gaussians);
+        let times: String = timings.iter().map(|timing| format!(" {:.2} |", timing.in_a_row_ms)).collect();
+        stdout!("| {} | {}, {} | {version} | {what} |{times}", device.name, device.backend, device.driver.trim());
+    }
 }
