@@ -4,6 +4,7 @@ KERNELS is the folder that the example `translate` of ibgs-shaders wrote, DXC th
 SPIRV_VAL the validator of SPIR-V. Writes a table to TABLE and prints a summary. The exit code is 1 where a check fails.
 """
 
+import array
 import collections
 import concurrent.futures
 import os
@@ -23,9 +24,25 @@ HALVES = "-enable-16bit-types"
 HIGHEST = "6_7"
 # It says so of everything on Linux, where the signing library is not to be had.
 UNSIGNED = "warning: DXIL.dll not found"
+# Numbers of SPIR-V.
+DECORATE, BUILT_IN, NUMBER_OF_WORKGROUPS, GLOBAL_INVOCATION_ID = 71, 11, 24, 28
 NO_MATRICES = "no matrices in HLSL"
 Kernel = collections.namedtuple("Kernel", "name set form model entry hlsl msl")
 CHECKS = ["lowest DXIL", "highest DXIL", "SPIR-V", "MSL", "Tint"]
+
+
+def with_number_of_workgroups(code):
+    """SPIR-V with the number of workgroups in place of the thread's global number: in the decoration as a built-in."""
+    words = array.array("I", code)
+    # Behind the header of five words; an instruction begins with its length and number.
+    at, found = 5, 0
+    while at < len(words):
+        if words[at] == 4 << 16 | DECORATE and list(words[at + 2 : at + 4]) == [BUILT_IN, GLOBAL_INVOCATION_ID]:
+            words[at + 3], found = NUMBER_OF_WORKGROUPS, found + 1
+        at += words[at] >> 16
+    if found != 1:
+        raise SystemExit("DXC passes the thread's number in another way")
+    return words.tobytes()
 
 
 class Tools:
@@ -48,7 +65,10 @@ class Tools:
 
     def hlsl_to_spirv(self, path, entry):
         """Checks the SPIR-V and writes it beside its HLSL, into `FORM/KERNEL.spv`."""
-        code, wrong = self.hlsl(path.read_text(), entry, HIGHEST, "-spirv", "-fspv-target-env=vulkan1.3")
+        text = path.read_text()
+        code, wrong = self.hlsl(text, entry, HIGHEST, "-spirv", "-fspv-target-env=vulkan1.3")
+        if code and "number_of_workgroups" in text:
+            code = with_number_of_workgroups(code)
         if code:
             name, form, *_ = path.name.split(".")
             out = path.parent / form / f"{name}.spv"

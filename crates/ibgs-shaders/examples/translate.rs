@@ -97,13 +97,25 @@ fn options_for_vulkan(kernel: &Kernel) -> hlsl::Options {
     }
 }
 
-/// wgpu gives DirectX 12 the number of workgroups in a register; here it is Vulkan's own (built-in 24).
-fn with_number_of_workgroups(hlsl: &str) -> Result<String, String> {
+/// wgpu gives DirectX 12 the number of workgroups in a register. HLSL has no name for Vulkan's own, so the entry point takes the
+/// thread's global number, which `check.py` exchanges for it.
+fn with_number_of_workgroups(hlsl: &str, entry: &str) -> Result<String, String> {
     let declared = "ConstantBuffer<NagaConstants> _NagaConstants: register(b0, space2);";
     let read = "uint3(_NagaConstants.first_vertex, _NagaConstants.first_instance, _NagaConstants.other)";
-    let text = hlsl.replace(declared, "[[vk::ext_builtin_input(24)]] static const uint3 number_of_workgroups;");
-    let text = text.replace(read, "number_of_workgroups");
-    if text.contains("_NagaConstants") { Err("naga declares its constants in another way".into()) } else { Ok(text) }
+    let head = format!("void {entry}(");
+    let text = hlsl.replace(declared, "");
+    if !text.contains(read) {
+        return if text.contains("_NagaConstants") {
+            Err("naga reads its constants in another way".into())
+        } else {
+            Ok(text)
+        };
+    }
+    if text.contains("SV_DispatchThreadID") || text.matches(&head).count() != 1 {
+        return Err("the number of workgroups beside the thread's number is not foreseen".into());
+    }
+    let text = text.replace(&head, &format!("{head}uint3 number_of_workgroups : SV_DispatchThreadID, "));
+    Ok(text.replace(read, "number_of_workgroups"))
 }
 
 /// Text and name of the entry point.
@@ -159,7 +171,7 @@ fn caught<T>(write: impl FnOnce() -> Result<T, String>) -> Result<T, String> {
 fn vulkan_hlsl(form: &Form) -> Result<(String, String), String> {
     let (module, info) = parse(&with_uniform(&form.source))?;
     let (text, entry) = hlsl(&module, &info, &options_for_vulkan(form.kernel))?;
-    Ok((with_number_of_workgroups(&text)?, entry))
+    Ok((with_number_of_workgroups(&text, &entry)?, entry))
 }
 
 /// Writes the texts and gives the line of the list.
