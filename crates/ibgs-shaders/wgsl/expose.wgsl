@@ -22,7 +22,7 @@ fn main(
     if p >= params.pixels {
         return;
     }
-    let t = transmittance[p];
+    let t = transmittance[params.transmittance + p];
     let behind = t * params.background;
     let x = vec3(image[3u * p], image[3u * p + 1u], image[3u * p + 2u]);
     let out = exp(exposures[0].xyz) * (x - behind) + (1.0 - t) * exposures[1].xyz + behind;

@@ -20,7 +20,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
     var by_gain = vec3(0.0);
     var by_offset = vec3(0.0);
     for (var p = wid.x * 256u + local; p < params.pixels; p += EXPOSURE_GROUPS * 256u) {
-        let t = transmittance[p];
+        let t = transmittance[params.transmittance + p];
         let x = vec3(image[3u * p], image[3u * p + 1u], image[3u * p + 2u]);
         let v = vec3(v_exposed[3u * p], v_exposed[3u * p + 1u], v_exposed[3u * p + 2u]);
         let v_x = gain * v;

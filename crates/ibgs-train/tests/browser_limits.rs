@@ -10,18 +10,9 @@ use ibgs_core::sources::source_store::SourceStore;
 use ibgs_reference::gpu::{device_of, gpu, rasterizer};
 use std::sync::Arc;
 
-/// The tests' adapter with ten storage buffers a stage, 32 KiB of workgroup memory and no feature at all.
+/// The tests' adapter with what WebGPU promises and no more: its default limits, and no feature at all.
 fn limited() -> Arc<Gpu> {
-    device_of(|adapter| wgpu::DeviceDescriptor {
-        required_limits: wgpu::Limits {
-            max_storage_buffers_per_shader_stage: 10,
-            max_compute_workgroup_storage_size: 32 * 1024,
-            max_compute_invocations_per_workgroup: 256,
-            max_immediate_size: 0,
-            ..adapter.limits()
-        },
-        ..Default::default()
-    })
+    device_of(|_| wgpu::DeviceDescriptor::default())
 }
 
 #[test]

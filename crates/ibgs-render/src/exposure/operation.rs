@@ -106,8 +106,13 @@ impl Exposures {
     }
 
     fn params(forward: &Forward) -> ExposeParams {
-        let [width, height] = forward.frame.size;
-        ExposeParams { background: forward.frame.background, pixels: width * height }
+        let (_, transmittance) = forward.transmittance();
+        ExposeParams {
+            background: forward.frame.background,
+            pixels: forward.pixels(),
+            transmittance,
+            ..Default::default()
+        }
     }
 
     /// Records the image of a pass in the target's exposure into `exposed`, `[H, W, 3]`. What shines through of the background
@@ -115,7 +120,7 @@ impl Exposures {
     pub fn record(&self, pass: &mut Pass, forward: &Forward, exposed: &Buffer<f32>) {
         pass.relabel(LABEL);
         let params = Self::params(forward);
-        let (exposures, image, transmittance) = (&self.room.rows, &forward.image, &forward.workspace.final_t);
+        let (exposures, image, transmittance) = (&self.room.rows, &forward.image, forward.transmittance().0);
         let bindings = ExposeBindings { exposures, image, transmittance, exposed };
         pass.linear(&bindings, &params, params.pixels as usize);
         pass.keep((self.clone(), forward.clone()));
@@ -127,7 +132,7 @@ impl Exposures {
         let params = Self::params(forward);
         let mut pass = Pass::new(&self.gpu, "exposure backward");
         let Room { rows: exposures, partials, v_target: v_exposure } = &**self.room;
-        let (image, transmittance) = (&forward.image, &forward.workspace.final_t);
+        let (image, transmittance) = (&forward.image, forward.transmittance().0);
         let bindings = ExposeBackwardBindings { exposures, image, transmittance, v_exposed, v_image, partials };
         pass.groups(&bindings, &params, EXPOSURE_GROUPS as usize);
         pass.groups(&ExposeTotalBindings { exposures, partials, v_exposure }, &(), 1);

@@ -16,14 +16,20 @@ impl Use {
     /// Storage buffers that the widest kernel binds.
     fn storage_buffers(self) -> u32 {
         match self {
-            Self::Rendering => 10,
+            Self::Rendering => 8,
             Self::Training => 18,
+        }
+    }
+
+    /// Workgroup memory in bytes that the largest kernel declares.
+    fn workgroup_memory(self) -> u32 {
+        match self {
+            Self::Rendering => 16 << 10,
+            Self::Training => 31 << 10,
         }
     }
 }
 
-/// Workgroup memory in bytes that the largest kernel declares.
-const WORKGROUP_MEMORY: u32 = 31 * 1024;
 /// Immediate data in bytes of the largest kernel.
 pub(super) const IMMEDIATES: u32 = 128;
 
@@ -62,7 +68,11 @@ fn missing(limits: &wgpu::Limits, wanted: Use) -> Vec<String> {
     };
     let storage_buffers = wanted.storage_buffers().into();
     need("storage buffers per stage", limits.max_storage_buffers_per_shader_stage.into(), storage_buffers);
-    need("bytes of workgroup memory", limits.max_compute_workgroup_storage_size.into(), WORKGROUP_MEMORY.into());
+    need(
+        "bytes of workgroup memory",
+        limits.max_compute_workgroup_storage_size.into(),
+        wanted.workgroup_memory().into(),
+    );
     need("invocations per workgroup", limits.max_compute_invocations_per_workgroup.into(), 256);
     missing
 }

@@ -327,6 +327,19 @@ impl Forward {
         self.surface.as_ref()
     }
 
+    pub(crate) fn pixels(&self) -> u32 {
+        self.frame.size[0] * self.frame.size[1]
+    }
+
+    /// The buffer with the transmittance behind the last contributors, and where in it that of the first pixel lies.
+    pub fn transmittance(&self) -> (&Buffer<f32>, u32) {
+        match &self.surface {
+            // With the normals, so that the kernel binds one buffer less.
+            Some(surface) if surface.v.is_none() => (&surface.normal_map, 3 * self.pixels()),
+            _ => (&self.workspace.final_t, 0),
+        }
+    }
+
     /// How many tile intersections the pass counted; waits for the GPU.
     ///
     /// # Errors

@@ -53,7 +53,8 @@ impl SurfaceOptions {
 pub struct Surface {
     /// (n_c, D_c) of each Gaussian.
     pub(super) planes: Buffer<[f32; 4]>,
-    /// Sum of w n_c, camera space, not normalised, `[P, 3]`.
+    /// Sum of w n_c, camera space, not normalised, `[P, 3]`. Without gradients followed by [`Forward::transmittance`](super::Forward),
+    /// `[P]`.
     pub normal_map: Buffer<f32>,
     /// Median depth, `[P]`, 0 where nothing is met.
     pub median_depth: Buffer<f32>,
@@ -99,7 +100,7 @@ impl Surface {
         };
         Ok(Self {
             planes: gpu.allocate("planes", count)?,
-            normal_map: gpu.allocate("normal map", 3 * p)?,
+            normal_map: gpu.allocate("normal map", if keep == Keep::Image { 4 * p } else { 3 * p })?,
             median_depth: gpu.allocate("median depth", p)?,
             intersections: gpu.allocate("median intersections", values)?,
             v: (keep == Keep::Gradients).then(by).transpose()?,
@@ -154,7 +155,6 @@ impl Surface {
                     sorted_gaussians,
                     tile_ranges,
                     image,
-                    final_t,
                     normal_map,
                     median_depth,
                     intersections,

@@ -27,7 +27,7 @@ pub struct Workspace {
     pub(super) list_lengths: Buffer<u32>,
     /// (start, end) of the same; then the tiles in the order in which workgroups take them.
     pub tile_ranges: Buffer<u32>,
-    /// Transmittance behind the last contributor.
+    /// Transmittance behind the last contributor; not written by `rasterize_surface_image`.
     pub final_t: Buffer<f32>,
     /// List entries walked up to the last contributor; not written by `rasterize_surface_image`.
     pub last_entry: Buffer<u32>,

@@ -1,6 +1,7 @@
 // Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour and transmittance.
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
-// the intersections themselves too. ENTRIES: also the list entries that gradients need. The median depth alone is done with a pixel
+// the intersections themselves too. ENTRIES: also the list entries that gradients need. TRANSMITTANCE_BEHIND: the transmittance lies
+// behind the normals. The median depth alone is done with a pixel
 // when its buffer `after` is full. SUBGROUPS: a subgroup walks only the entries that may reach its pixels; the image is the same bit
 // for bit. NARROW: processors have a form of their own.
 
@@ -195,7 +196,11 @@ fn main(
         image[3u * p] = out.r;
         image[3u * p + 1u] = out.g;
         image[3u * p + 2u] = out.b;
+        #if TRANSMITTANCE_BEHIND
+        normal_map[3u * frame.size.x * frame.size.y + p] = t;
+        #else
         final_t[p] = t;
+        #endif
         #endif
         #if ENTRIES
         last_entry[p] = last;

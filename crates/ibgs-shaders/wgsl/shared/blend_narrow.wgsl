@@ -153,7 +153,11 @@ fn main(
         image[3u * p] = out.r;
         image[3u * p + 1u] = out.g;
         image[3u * p + 2u] = out.b;
+        #if TRANSMITTANCE_BEHIND
+        normal_map[3u * frame.size.x * frame.size.y + p] = t[$r];
+        #else
         final_t[p] = t[$r];
+        #endif
         #endif
         #if ENTRIES
         last_entry[p] = last[$r];

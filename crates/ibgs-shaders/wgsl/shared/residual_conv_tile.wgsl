@@ -8,7 +8,11 @@ const ROWS: u32 = CONV_ROWS + 2u;
 // (input channel, row group) pairs in workgroup memory: 4 x 2 or 2 x 4.
 const PAIRS: u32 = 8u;
 
-var<workgroup> tile: array<array<array<f32, COLUMNS>, ROWS>, PAIRS>;
+// The first two rows of each pair, which are also the last two of the group above it; one pair more for the last group of each
+// channel. `upper_of` says where they lie.
+var<workgroup> upper: array<array<array<f32, COLUMNS>, PAIRS + 4u>, 2>;
+// The other rows of each pair.
+var<workgroup> lower: array<array<array<f32, COLUMNS>, PAIRS>, CONV_ROWS - 2u>;
 // [input channel, tap column, output group][tap row * 5 + output quad].
 var<workgroup> kernel: array<array<vec4<f32>, 15>, 24>;
 // Source row (times its width) and column of each of the tile's rows and columns; -1 outside.
@@ -23,6 +27,10 @@ struct Chunk {
     first: u32,
     channels: u32,
     row_groups: u32,
+}
+
+fn upper_of(pair: u32, row_groups: u32) -> u32 {
+    return pair + pair / row_groups;
 }
 
 fn four_a(i: vec4<u32>) -> vec4<f32> {
@@ -46,8 +54,25 @@ fn places(chunk: Chunk, pair: u32, y: vec4<i32>, x: vec4<i32>) -> vec4<i32> {
     return select(vec4(-1), first + y + x, inside);
 }
 
+// Whether the last two rows of a pair are no other's.
+fn is_last(pair: u32, row_groups: u32) -> bool {
+    return pair % row_groups == row_groups - 1u;
+}
+
+// The two columns at the right of a pair's row.
+fn put_edge(pair: u32, row: u32, row_groups: u32, values: vec2<f32>) {
+    if row >= 2u && row < CONV_ROWS {
+        lower[row - 2u][pair][CONV_COLUMNS] = values.x;
+        lower[row - 2u][pair][CONV_COLUMNS + 1u] = values.y;
+    } else if row < 2u || is_last(pair, row_groups) {
+        let place = upper_of(pair, row_groups) + row / CONV_ROWS;
+        upper[row % CONV_ROWS][place][CONV_COLUMNS] = values.x;
+        upper[row % CONV_ROWS][place][CONV_COLUMNS + 1u] = values.y;
+    }
+}
+
 fn load_tile(local: u32, chunk: Chunk) {
-    // A group of 32 threads takes two pairs; the two columns at the right go to other threads, a row each.
+    // A group of 32 threads takes two pairs of a channel; the two columns at the right go to other threads, a row each.
     let pair = 2u * (local / CONV_COLUMNS);
     let column = local % CONV_COLUMNS;
     let x = vec4(source_column[column]);
@@ -57,9 +82,7 @@ fn load_tile(local: u32, chunk: Chunk) {
     let q1 = places(chunk, pair, vec4(source_row[g][4], source_row[g][5], source_row[g][6], source_row[g][7]), x);
     let q2 = places(chunk, pair + 1u, vec4(source_row[h][0], source_row[h][1], source_row[h][2], source_row[h][3]), x);
     let q3 = places(chunk, pair + 1u, vec4(source_row[h][4], source_row[h][5], source_row[h][6], source_row[h][7]), x);
-    let g8 = vec4(source_row[g][8], source_row[g][9], -1, -1);
-    let h8 = vec4(-1, -1, source_row[h][8], source_row[h][9]);
-    let q4 = max(places(chunk, pair, g8, x), places(chunk, pair + 1u, h8, x));
+    let q4 = places(chunk, pair + 1u, vec4(source_row[h][8], source_row[h][9], -1, -1), x);
     let row = min(local, PAIRS * ROWS - 1u);
     let edge = vec4(source_column[32], source_column[33], -1, -1);
     let q5 = places(chunk, row / ROWS, vec4(source_row[(row / ROWS) % chunk.row_groups][row % ROWS]), edge);
@@ -104,29 +127,29 @@ fn load_tile(local: u32, chunk: Chunk) {
     t3 = select(vec4(0.0), t3, q3 >= zero);
     t4 = select(vec4(0.0), t4, q4 >= zero);
     t5 = select(vec4(0.0), t5, q5 >= zero);
-    tile[pair][0][column] = t0.x;
-    tile[pair][1][column] = t0.y;
-    tile[pair][2][column] = t0.z;
-    tile[pair][3][column] = t0.w;
-    tile[pair][4][column] = t1.x;
-    tile[pair][5][column] = t1.y;
-    tile[pair][6][column] = t1.z;
-    tile[pair][7][column] = t1.w;
-    tile[pair][8][column] = t4.x;
-    tile[pair][9][column] = t4.y;
-    tile[pair + 1u][0][column] = t2.x;
-    tile[pair + 1u][1][column] = t2.y;
-    tile[pair + 1u][2][column] = t2.z;
-    tile[pair + 1u][3][column] = t2.w;
-    tile[pair + 1u][4][column] = t3.x;
-    tile[pair + 1u][5][column] = t3.y;
-    tile[pair + 1u][6][column] = t3.z;
-    tile[pair + 1u][7][column] = t3.w;
-    tile[pair + 1u][8][column] = t4.z;
-    tile[pair + 1u][9][column] = t4.w;
+    let first = upper_of(pair, chunk.row_groups);
+    upper[0][first][column] = t0.x;
+    upper[1][first][column] = t0.y;
+    lower[0][pair][column] = t0.z;
+    lower[1][pair][column] = t0.w;
+    lower[2][pair][column] = t1.x;
+    lower[3][pair][column] = t1.y;
+    lower[4][pair][column] = t1.z;
+    lower[5][pair][column] = t1.w;
+    upper[0][first + 1u][column] = t2.x;
+    upper[1][first + 1u][column] = t2.y;
+    lower[0][pair + 1u][column] = t2.z;
+    lower[1][pair + 1u][column] = t2.w;
+    lower[2][pair + 1u][column] = t3.x;
+    lower[3][pair + 1u][column] = t3.y;
+    lower[4][pair + 1u][column] = t3.z;
+    lower[5][pair + 1u][column] = t3.w;
+    if is_last(pair + 1u, chunk.row_groups) {
+        upper[0][first + 2u][column] = t4.x;
+        upper[1][first + 2u][column] = t4.y;
+    }
     if local < PAIRS * ROWS {
-        tile[row / ROWS][row % ROWS][32] = t5.x;
-        tile[row / ROWS][row % ROWS][33] = t5.y;
+        put_edge(row / ROWS, row % ROWS, chunk.row_groups, t5.xy);
     }
 }
 

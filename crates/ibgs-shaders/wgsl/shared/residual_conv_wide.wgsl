@@ -88,11 +88,12 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         workgroupBarrier();
         for (var k = 0u; k < 3u * chunk.channels; k++) {
             let pair = (k / 3u) * row_groups + row_group;
+            let first = upper_of(pair, row_groups);
             let x = lane + k % 3u;
             let w = k * params.groups + group;
-            let p0 = vec4(tile[pair][0][x], tile[pair][1][x], tile[pair][2][x], tile[pair][3][x]);
-            let p4 = vec4(tile[pair][4][x], tile[pair][5][x], tile[pair][6][x], tile[pair][7][x]);
-            let p8 = vec2(tile[pair][8][x], tile[pair][9][x]);
+            let p0 = vec4(upper[0][first][x], upper[1][first][x], lower[0][pair][x], lower[1][pair][x]);
+            let p4 = vec4(lower[2][pair][x], lower[3][pair][x], lower[4][pair][x], lower[5][pair][x]);
+            let p8 = vec2(upper[0][first + 1u][x], upper[1][first + 1u][x]);
             a0 = add(a0, kernel[w][0], p0);
             b0 = add(b0, kernel[w][0], p4);
             a1 = add(a1, kernel[w][1], p0);

@@ -22,11 +22,12 @@ fn it_gives_what_gradients_get_bit_for_bit() {
             assert!(raster.had_room(&forward).unwrap());
             let surface = forward.surface().unwrap();
             assert_eq!(surface.v.is_some(), keep == Keep::Gradients);
+            let (transmittance, first) = forward.transmittance();
             let read =
                 |buffer: &Buffer<f32>, values| gpu.read(&buffer.cast::<u32>(), values * camera.pixels()).unwrap();
             [
                 read(&forward.image, 3),
-                read(&forward.workspace.final_t, 1),
+                read(&transmittance.part(first as usize, camera.pixels()), 1),
                 read(&surface.normal_map, 3),
                 read(&surface.median_depth, 1),
                 read(&surface.intersections.cast(), 2 * intersections as usize),
