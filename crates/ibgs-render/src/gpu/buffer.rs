@@ -152,13 +152,15 @@ impl Gpu {
     /// # Errors
     /// When the device cannot bind that much at once, or has no memory left.
     pub fn allocate<T>(&self, what: &'static str, rows: usize) -> Result<Buffer<T>, GpuError> {
-        Ok(Buffer::whole(self.create(what, bytes::<T>(rows))?))
+        Ok(Buffer::whole(self.create(what, bytes::<T>(rows), self.binding_limit())?))
     }
 
-    /// A new wgpu buffer of at least `bytes`.
-    fn create(&self, what: &'static str, bytes: u64) -> Result<wgpu::Buffer, GpuError> {
+    /// A new wgpu buffer of at least `bytes`, which may be as many as `limit`.
+    fn create(&self, what: &'static str, bytes: u64, limit: u64) -> Result<wgpu::Buffer, GpuError> {
         self.check()?;
-        self.check_size(what, bytes)?;
+        if bytes > limit {
+            return Err(GpuError::TooLarge { what, bytes, limit });
+        }
         let size = rounded(bytes);
         self.bind_groups.clear();
         let create = || {
@@ -191,7 +193,7 @@ impl Gpu {
         let size = rounded(bytes);
         let buffer = match self.transients.take(what, size) {
             Some(buffer) => buffer,
-            None => self.create(what, bytes)?,
+            None => self.create(what, bytes, self.binding_limit())?,
         };
         let home = Arc::downgrade(&self.transients);
         Ok(Buffer::owned_by(buffer.clone(), 0, size, InUse { what, buffer, home }))
@@ -217,6 +219,16 @@ impl Gpu {
     /// As [`Gpu::allocate`].
     pub fn upload<T: bytemuck::Pod>(&self, what: &'static str, rows: &[T]) -> Result<Buffer<T>, GpuError> {
         let buffer = self.allocate(what, rows.len())?;
+        self.write(&buffer, 0, rows);
+        Ok(buffer)
+    }
+
+    /// As [`Gpu::upload`], for what kernels bind in parts: it may be larger than what the device binds at once.
+    ///
+    /// # Errors
+    /// When the device has no buffer of that size, or no memory left.
+    pub fn upload_for_parts<T: bytemuck::Pod>(&self, what: &'static str, rows: &[T]) -> Result<Buffer<T>, GpuError> {
+        let buffer = Buffer::whole(self.create(what, bytes::<T>(rows.len()), self.limits.max_buffer_size)?);
         self.write(&buffer, 0, rows);
         Ok(buffer)
     }

@@ -2,18 +2,37 @@
 
 use super::tile_grid;
 use super::workspace::Workspace;
-use crate::gpu::Pass;
+use crate::gpu::{Buffer, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
 use ibgs_shaders::bindings::{
     ProjectBindings, ProjectHalfBindings, TileEmitBindings, TilePlaceBindings, TileSortBindings, TileStartsBindings,
 };
 use ibgs_shaders::types::ViewUniforms;
 
-/// Records the projection.
+/// Records the projection, in parts where the device cannot bind all colours at once.
 fn record_project(pass: &mut Pass, ws: &Workspace, splats: &Splats, frame: &ViewUniforms) {
+    let (n, most) = (frame.count as usize, splats.at_once(pass.gpu()));
+    if n <= most {
+        return record_part(pass, (&ws.projected, &ws.tile_counts), splats, frame);
+    }
+    let rows = splats.harmonics.rows(splats.coefficients);
+    for first in (0..n).step_by(most) {
+        let count = most.min(n - first);
+        let parameters = splats.parameters.as_ref().zip(rows).map(|(all, row)| all.part(row * first, row * count));
+        let splats = Splats { parameters, count, ..splats.clone() };
+        let results = (&ws.projected.part(3 * first, 3 * count), &ws.tile_counts.part(first, count));
+        record_part(pass, results, &splats, &ViewUniforms { count: count as u32, ..*frame });
+    }
+}
+
+fn record_part(
+    pass: &mut Pass,
+    (projected, tile_counts): (&Buffer<[f32; 4]>, &Buffer<u32>),
+    splats: &Splats,
+    frame: &ViewUniforms,
+) {
     let PerGaussian { means, log_scales, opacity_logits, sh, .. } = &splats.parameters;
     let rotations = &splats.rotations();
-    let (projected, tile_counts) = (&ws.projected, &ws.tile_counts);
     let n = frame.count as usize;
     match splats.harmonics {
         Harmonics::Full => {

@@ -4,6 +4,7 @@ use super::{Gaussians, Harmonics, PerGaussian, SceneError};
 use crate::gpu::{Buffer, Gpu, GpuError};
 use crate::local_space::LocalSpace;
 use bytemuck::cast_slice;
+use std::borrow::Cow;
 
 /// Points are far smaller than a pixel, which then is their size, and opaque.
 const POINT_LOG_SCALE: f32 = -16.0;
@@ -28,7 +29,8 @@ impl Splats {
     /// Copies a model to the device.
     ///
     /// # Errors
-    /// When the device cannot bind one of its buffers at once, or has no memory left.
+    /// When the device cannot bind one of its buffers at once, cannot have one of the spherical harmonics, which are bound in parts,
+    /// or has no memory left.
     pub fn upload(g: &Gaussians, gpu: &Gpu) -> Result<Self, GpuError> {
         Self::upload_in(g, gpu, Harmonics::Full)
     }
@@ -39,14 +41,24 @@ impl Splats {
     /// As [`Splats::upload`].
     pub fn upload_in(g: &Gaussians, gpu: &Gpu, harmonics: Harmonics) -> Result<Self, GpuError> {
         let coefficients = g.sh_coefficients();
-        let named = PerGaussian::NAMES.zip(harmonics.pack(g.values(), coefficients));
+        let packed = harmonics.pack(g.values(), coefficients);
+        let upload = |(name, words): (_, &Cow<'_, [u32]>)| {
+            if name == PerGaussian::NAMES.sh { gpu.upload_for_parts(name, words) } else { gpu.upload(name, words) }
+        };
         Ok(Self {
             space: g.space,
             count: g.len(),
             coefficients,
             harmonics,
-            parameters: named.try_map(|(name, words)| Ok::<_, GpuError>(gpu.upload(name, &words)?.cast()))?,
+            parameters: PerGaussian::NAMES.zip(packed.as_ref()).try_map(upload)?.map(|words| words.cast()),
         })
+    }
+
+    /// Gaussians whose spherical harmonics the device binds at once, at most; all of their parts begin where a binding may.
+    pub(crate) fn at_once(&self, gpu: &Gpu) -> usize {
+        const STEP: usize = 64;
+        let row = 4 * self.harmonics.rows(self.coefficients).sh;
+        (gpu.binding_limit() as usize / row / STEP * STEP).max(STEP)
     }
 
     /// The same Gaussians as opaque points: nothing of them is left but centre and colour. All else shares its memory.

@@ -2,8 +2,10 @@
 
 use crate::common::gradients;
 use half::f16;
-use ibgs_core::scene::{Harmonics, Splats};
-use ibgs_reference::gpu::{assert_images_agree, gaussians, gpu, pixels, rasterizer, render};
+use ibgs_core::gpu::device_descriptor;
+use ibgs_core::raster::Rasterizer;
+use ibgs_core::scene::{Gaussians, Harmonics, Splats};
+use ibgs_reference::gpu::{assert_images_agree, device_of, gaussians, gpu, pixels, rasterizer, render};
 use ibgs_reference::gpu::{background, view};
 use ibgs_reference::random_scene::{Nasty, POISON, nasty_params, poison, random_camera, random_image, random_params};
 use ibgs_reference::{self as reference, Tensor};
@@ -55,6 +57,34 @@ fn poisoned_gaussians_are_left_out() {
             }
         }
     }
+}
+
+/// A device that binds some of the colours at a time gives the same image.
+#[test]
+fn colours_in_parts_change_nothing() {
+    // Room for the lists, and for the colours of 2,730 Gaussians, of 5,461 in half precision.
+    let small = device_of(|adapter| {
+        let mut descriptor = device_descriptor(adapter);
+        descriptor.required_limits.max_storage_buffer_binding_size = 512 << 10;
+        descriptor
+    });
+    small.watch();
+    let camera = random_camera(50, 40, 17);
+    let p = gaussians(&random_params(6000, 3, 17));
+    let view = view(camera, 3);
+    for harmonics in [Harmonics::Full, Harmonics::Half] {
+        let [all, parts] = [gpu(), small.clone()].map(|gpu| {
+            let splats = Splats::upload_in(&p, &gpu, harmonics).unwrap();
+            let image = Rasterizer::new(gpu.clone()).render(&splats, &view).unwrap();
+            (gpu.read(&image, 3 * camera.pixels()).unwrap(), splats.download(&gpu).unwrap().sh)
+        });
+        assert!(all == parts, "{harmonics:?}");
+        let p = Gaussians { sh: vec![0.0; p.sh.len()], ..p.clone() };
+        let without = Splats::upload_in(&p, &small, harmonics).unwrap();
+        let image = Rasterizer::new(small.clone()).render(&without, &view).unwrap();
+        assert!(all.0 != small.read(&image, 3 * camera.pixels()).unwrap(), "{harmonics:?}: the colours are seen");
+    }
+    small.check().unwrap();
 }
 
 /// Coefficients that are halves give the image of the numbers that they stand for, in every stored and active degree, and one
