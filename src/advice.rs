@@ -272,7 +272,7 @@ mod tests {
     #[test]
     fn errors_are_found_inside_of_others() {
         let gpu = || GpuError::TooLarge { what: "unet v_x", bytes: 9, limit: 8 };
-        let advised = "unet v_x needs 9 bytes, more than this device binds at once (8); use smaller images (`--resolution` or \
+        let advised = "unet v_x needs 9 bytes in one buffer, more than this device allows (8); use smaller images (`--resolution` or \
                        `--max-resolution`) or fewer Gaussians (`--max-splats`)";
         says(gpu(), advised);
         says(anyhow::Error::from(gpu()).context("outside"), &format!("outside: {advised}"));

@@ -63,7 +63,7 @@ fn sizes_beyond_an_adapter() {
         let outcome = sandbox.run(command);
         match outcome.code {
             Some(0) => outcome.assert_success(),
-            _ => outcome.assert_failure(1, &["more than this device binds at once"]),
+            _ => outcome.assert_failure(1, &["more than this device allows"]),
         }
     }
 }

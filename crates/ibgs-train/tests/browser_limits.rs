@@ -2,12 +2,14 @@
 
 use crate::small::small_model;
 use ibgs_core::gpu::{Gpu, GpuError};
-use ibgs_core::raster::Rasterizer;
+use ibgs_core::local_space::LocalSpace;
+use ibgs_core::raster::{RasterView, Rasterizer, SurfaceOptions};
 use ibgs_core::render::{ImageOptions, ImagePart, Renderer};
 use ibgs_core::residual::{Precision, ResidualNetwork};
-use ibgs_core::scene::Splats;
+use ibgs_core::scene::{Gaussians, Harmonics, Splats};
 use ibgs_core::sources::source_store::SourceStore;
 use ibgs_reference::gpu::{device_of, gpu, rasterizer};
+use ibgs_reference::random_scene::random_camera;
 use std::sync::Arc;
 
 /// The tests' adapter with what WebGPU promises and no more: its default limits, and no feature at all.
@@ -48,6 +50,45 @@ fn frames_are_the_same_bit_for_bit() {
         let [a, b] = both.map(|frame| frame.normals().unwrap().unwrap());
         assert!(a == b, "normals of {}", dataset.views[index].name);
     }
+    limited.check().unwrap();
+}
+
+/// Small Gaussians of degree 2, evenly spread in a cube.
+fn many(count: usize) -> Gaussians {
+    let spread = |i: usize, step: f64| ((i as f64 * step).fract() * 2.4 - 1.2) as f32;
+    Gaussians {
+        space: LocalSpace::default(),
+        means: (0..count).map(|i| [0.819_172_5, 0.671_043_6, 0.549_700_5].map(|step| spread(i, step))).collect(),
+        rotations: vec![[1.0, 0.0, 0.0, 0.0]; count],
+        log_scales: vec![[-6.0; 3]; count],
+        opacity_logits: vec![-2.0; count],
+        sh: (0..27 * count).map(|i| 0.3 * spread(i, 0.618_034)).collect(),
+        sh_degree: 2,
+        normals: vec![[0.0, 0.0, 1.0]; count],
+        offsets: vec![0.0; count],
+        antialiased: false,
+    }
+}
+
+/// In single precision their colours are more than the device binds at once.
+#[test]
+fn two_million_gaussians_have_an_image() {
+    let (limited, camera) = (limited(), random_camera(96, 72, 20));
+    limited.watch();
+    let model = many(2_000_000);
+    let view = RasterView { surface: Some(SurfaceOptions::default()), ..RasterView::new(camera, 2) };
+    let image = |gpu: &Arc<Gpu>, harmonics| {
+        let splats = Splats::upload_in(&model, gpu, harmonics).unwrap();
+        let forward = Rasterizer::new(gpu.clone()).surface(&splats, &view).unwrap();
+        gpu.read(&forward.image, 3 * camera.pixels()).unwrap()
+    };
+    let full = image(&limited, Harmonics::Full);
+    assert!(full == image(&gpu(), Harmonics::Full));
+    let half = image(&limited, Harmonics::Half);
+    let most = full.iter().zip(&half).map(|(a, b)| (a - b).abs()).fold(0.0, f32::max);
+    assert!(most > 0.0 && most < 1.0 / 255.0, "{most}");
+    let lit = full.iter().filter(|v| **v > 0.05).count();
+    assert!(2 * lit > full.len(), "{lit} values of {}", full.len());
     limited.check().unwrap();
 }
 

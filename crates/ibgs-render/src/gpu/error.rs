@@ -43,7 +43,7 @@ pub enum GpuError {
     #[error("{0}")]
     Photo(String),
     /// A buffer would be larger than the device allows.
-    #[error("{what} needs {bytes} bytes, more than this device has in a buffer or binds at once ({limit})")]
+    #[error("{what} needs {bytes} bytes in one buffer, more than this device allows ({limit})")]
     TooLarge {
         /// What the buffer holds.
         what: &'static str,
