@@ -9,9 +9,10 @@ use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::blocks::PlanFolder;
 use ibgs_core::dataset::{self, SceneInfo};
-use ibgs_core::gpu::{GpuError, Use, lacking, list_adapters};
+use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use, lacking, list_adapters};
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
+use ibgs_core::residual::unet::choice;
 use ibgs_core::scene::{Gaussians, is_gaussians, read_gaussians};
 use std::path::{Path, PathBuf};
 
@@ -72,6 +73,9 @@ fn adapters() -> Result<()> {
                 m.cr_type
             );
         }
+        if lacking(adapter, Use::Rendering).is_empty() {
+            stdout!("   self-test          {}", self_test(index).unwrap_or_else(|error| error.to_string()));
+        }
         let [rendering, training] = [Use::Rendering, Use::Training].map(|wanted| lacking(adapter, wanted).join(", "));
         match (rendering.is_empty(), training.is_empty()) {
             (_, true) => stdout!("   usable             yes"),
@@ -80,6 +84,21 @@ fn adapters() -> Result<()> {
         }
     }
     Ok(())
+}
+
+/// What the adapter gets right, on a device of its own.
+fn self_test(index: usize) -> Result<String, GpuError> {
+    let gpu = Gpu::open(&AdapterChoice::Named(index.to_string()), Use::Rendering)?;
+    let subgroups = match gpu.subgroup_lanes {
+        Some(lanes) => format!("subgroups of {lanes} lanes are right"),
+        None => "no subgroups are used".to_owned(),
+    };
+    let matrices = match choice::error(&gpu)? {
+        Some(error) if error > choice::TOLERANCE => format!("matrix units are wrong by {error:.1e} and not used"),
+        Some(_) => "matrix units are right".to_owned(),
+        None => "no matrix units are used".to_owned(),
+    };
+    Ok(format!("{subgroups}; {matrices}"))
 }
 
 fn model_file(path: &Path) -> Result<()> {

@@ -147,6 +147,8 @@ fn info(sandbox: &Sandbox) {
     let adapters = sandbox.succeeds("info");
     assert!(adapters.stdout.starts_with("0: ") && adapters.stdout.contains("usable             yes"), "{adapters}");
     assert!(adapters.stdout.contains("storage binding"), "{adapters}");
+    let tested = adapters.stdout.lines().find(|line| line.trim_start().starts_with("self-test")).unwrap();
+    assert!(tested.contains("subgroups") && tested.contains("matrix units") && !tested.contains("wrong"), "{adapters}");
 }
 
 /// Rendering from the saved model gives the very pictures of the training's evaluation.

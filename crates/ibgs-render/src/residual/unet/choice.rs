@@ -14,8 +14,8 @@ const COMPARED: [u32; 2] = [75, 53];
 const TIMED: [u32; 2] = [640, 480];
 /// Passes that are timed, of which the fastest counts; the first is slow.
 const PASSES: usize = 4;
-/// Largest difference, as a part of the largest value.
-const TOLERANCE: f32 = 1e-4;
+/// Largest difference that counts as right, as a part of the largest value.
+pub const TOLERANCE: f32 = 1e-4;
 
 /// A network and maps that halves hold without any rounding through all layers: small whole numbers, few weights an output, in
 /// the last layers more, so that every layer has a gradient.
