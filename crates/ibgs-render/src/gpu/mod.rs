@@ -7,6 +7,7 @@ mod bytes;
 pub mod device;
 mod error;
 mod heap;
+mod kept;
 pub mod launch;
 mod matrix;
 #[cfg(not(target_arch = "wasm32"))]

@@ -63,6 +63,7 @@ impl Gpu {
                 log::info!("compiling kernels for {}: {done} of {} so far", self.info.name, kernels.len());
             }
         });
+        self.write_kept();
     }
 
     /// The kernel, compiled at its first use.
@@ -133,7 +134,7 @@ impl Gpu {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()
             },
-            cache: None,
+            cache: self.kept.get().map(|kept| &kept.cache),
         });
         Pipeline { layout, pipeline }
     }
