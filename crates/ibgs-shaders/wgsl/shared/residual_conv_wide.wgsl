@@ -87,8 +87,10 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         load_kernel(local, chunk);
         workgroupBarrier();
         for (var k = 0u; k < 3u * chunk.channels; k++) {
-            let pair = (k / 3u) * row_groups + row_group;
-            let first = upper_of(pair, row_groups);
+            let channel = k / 3u;
+            let pair = channel * row_groups + row_group;
+            // As `upper_of`.
+            let first = pair + channel;
             let x = lane + k % 3u;
             let w = k * params.groups + group;
             let p0 = vec4(upper[0][first][x], upper[1][first][x], lower[0][pair][x], lower[1][pair][x]);
