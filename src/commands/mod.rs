@@ -33,9 +33,6 @@ use std::sync::Arc;
 pub fn open_gpu(adapter: Option<&String>, wanted: Use) -> Result<Arc<Gpu>> {
     let choice = adapter.map_or(AdapterChoice::Best, |name| AdapterChoice::Named(name.clone()));
     let gpu = Gpu::open(&choice, wanted)?;
-    if let Some(folder) = dirs::cache_dir() {
-        gpu.keep_kernels_in(&folder.join("ibgs/kernels"));
-    }
     stderr!("adapter: {}", gpu.describe());
     Ok(gpu)
 }

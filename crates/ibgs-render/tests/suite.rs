@@ -3,7 +3,6 @@
 #![forbid(unsafe_code)]
 
 mod formats;
-mod kept_kernels;
 mod kernels;
 mod photo_errors;
 mod source_store;

@@ -5,7 +5,6 @@ pub use super::error::GpuError;
 use super::adapter::{IMMEDIATES, Use, require};
 use super::bind_groups::BindGroups;
 use super::buffer::Transients;
-use super::kept::Kept;
 use super::launch::flush;
 use super::matrix::matrix_units;
 use super::pipeline::Pipelines;
@@ -84,8 +83,6 @@ pub struct Gpu {
     /// Where kernels find their immediate data on a device that has none.
     pub(super) uniforms: Option<Uniforms>,
     pub(super) pipelines: Pipelines,
-    /// Compiled kernels on disk.
-    pub(super) kept: OnceLock<Kept>,
     pub(super) profiler: Mutex<Option<Profiler>>,
     /// Nanoseconds spent in waiting for the device.
     waited: AtomicU64,
@@ -140,7 +137,6 @@ impl Gpu {
             waited: AtomicU64::default(),
             matrix_units_pay: OnceLock::new(),
             pipelines: Pipelines::default(),
-            kept: OnceLock::new(),
             profiler: Mutex::default(),
             fault: Arc::default(),
         };

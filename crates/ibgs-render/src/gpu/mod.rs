@@ -7,7 +7,6 @@ mod bytes;
 pub mod device;
 mod error;
 mod heap;
-mod kept;
 pub mod launch;
 mod matrix;
 #[cfg(not(target_arch = "wasm32"))]

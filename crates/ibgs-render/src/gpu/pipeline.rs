@@ -63,7 +63,6 @@ impl Gpu {
                 log::info!("compiling kernels for {}: {done} of {} so far", self.info.name, kernels.len());
             }
         });
-        self.write_kept();
     }
 
     /// The kernel, compiled at its first use.
@@ -134,7 +133,7 @@ impl Gpu {
                 zero_initialize_workgroup_memory: false,
                 ..Default::default()
             },
-            cache: self.kept.get().map(|kept| &kept.cache),
+            cache: None,
         });
         Pipeline { layout, pipeline }
     }
