@@ -148,6 +148,28 @@ fn the_picture_fills_the_window() {
     snapshot(&mut window, "narrow", 300);
 }
 
+/// In a tall window too, where a view has more above and below.
+#[test]
+fn leaving_a_view_changes_the_picture_little() {
+    let folder = tempfile::tempdir().unwrap();
+    let first = Some(Outcome::Opened(Box::new(plain(folder.path()))));
+    let mut window = window_with(&gpu(), Opener::default(), first, Vec2::new(390.0, 620.0), None, 0.5);
+    window.state_mut().show_only_frame(false);
+    window.state_mut().show_figures(false);
+    settle(&mut window);
+    let canvas = |window: &mut Window| part(window, Vec2::new(0.3, 0.3), Vec2::new(0.95, 0.95));
+    let on = canvas(&mut window);
+    window.key_down(Key::E);
+    window.step();
+    window.key_up(Key::E);
+    settle(&mut window);
+    assert_eq!(window.state().on_view(), None);
+    let off = canvas(&mut window);
+    let differences = on.iter().zip(&off).map(|(a, b)| f64::from(a[1].abs_diff(b[1])));
+    let mean = differences.sum::<f64>() / on.len() as f64;
+    assert!(mean > 0.0 && mean < 4.0, "{mean}");
+}
+
 #[test]
 fn a_split_shows_two_modes() {
     let folder = tempfile::tempdir().unwrap();

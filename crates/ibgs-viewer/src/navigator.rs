@@ -23,8 +23,10 @@ pub struct Navigator {
     pub size: f64,
     /// Up in world space, of length one.
     pub up: DVec3,
-    /// Vertical field of view in radians.
+    /// Vertical field of view in radians, of a picture of the shape below.
     pub fov: f64,
+    /// Width over height of that picture; it is the largest one of its shape in the middle of the image.
+    pub shape: f64,
 }
 
 /// Moves of one frame, in units of the view: right, down, forward.
@@ -45,6 +47,7 @@ impl Navigator {
             size: distance,
             up,
             fov: camera.vertical_fov(),
+            shape: f64::from(camera.width) / f64::from(camera.height),
         }
     }
 
@@ -58,6 +61,7 @@ impl Navigator {
             size: distance,
             up,
             fov: USUAL_FOV,
+            shape: 1.0,
         }
     }
 
@@ -86,7 +90,10 @@ impl Navigator {
 
     /// The camera for an image of this size, its principal point in the middle.
     pub fn camera(&self, width: u32, height: u32) -> Camera {
-        self.keyframe().camera(width, height)
+        // A narrow image has more above and below, as around a view.
+        let more = (self.shape * f64::from(height) / f64::from(width)).max(1.0);
+        let fov = 2.0 * ((0.5 * self.fov).tan() * more).atan();
+        Keyframe { fov, ..self.keyframe() }.camera(width, height)
     }
 
     /// Turned by `yaw` about the up axis and by `pitch` about its own right axis, but never over a pole.
@@ -114,7 +121,7 @@ impl Navigator {
         self.world_from_view = self.turned(yaw, pitch);
     }
 
-    /// Moves sideways: the pivot follows the pointer, `delta` in heights of the image, x right, y down.
+    /// Moves sideways: the pivot follows the pointer, `delta` in heights of the picture, x right, y down.
     pub fn pan(&mut self, delta: DVec2) {
         let height = 2.0 * self.distance * (0.5 * self.fov).tan();
         self.position -= (self.right() * delta.x + self.world_from_view.y_axis * delta.y) * height;

@@ -9,7 +9,7 @@ mod outside;
 mod screenshot;
 mod sharing;
 
-pub(crate) use framing::{fitted, widened};
+pub(crate) use framing::{fitted, inscribed, widened};
 pub(crate) use leaving::{Answer, Leaving, Next};
 
 use crate::canvas::{Canvas, SIDES};

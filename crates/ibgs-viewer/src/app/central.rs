@@ -5,7 +5,7 @@ use crate::looks::Look;
 use crate::marks::{self, Onto};
 use crate::mode::Mode;
 use crate::panels;
-use crate::viewer::{Viewer, fitted, widened};
+use crate::viewer::{Viewer, fitted, inscribed, widened};
 use crate::worker::{Command, Rendered};
 use eframe::egui::emath::GuiRounding;
 use eframe::egui::{self, Color32, Painter, Pos2, Rect, Sense, Stroke, StrokeKind, Ui};
@@ -23,10 +23,7 @@ impl Viewer {
         if self.shows(Mode::needs_photo) {
             return view.camera;
         }
-        let sides = |side: f64| (side.round() as u32).max(SIDES[0]);
-        let (w, h) = (f64::from(view.camera.width), f64::from(view.camera.height));
-        let scale = (f64::from(width) / w).min(f64::from(height) / h);
-        let own = view.camera.resized(sides(w * scale), sides(h * scale));
+        let own = inscribed(&view.camera, self.room);
         if self.panels.only_frame { own } else { widened(&own, self.room) }
     }
 

@@ -7,10 +7,11 @@ use eframe::egui::{self, PointerButton, Rect, Ui, Vec2};
 use glam::{DVec2, DVec3};
 use web_time::Instant;
 
-/// Radians of a drag over the height of the canvas.
+/// Radians of a drag over the height of the picture.
 const TURN: f64 = 3.0;
 /// Scene extents that the camera flies in a second.
 const SPEED: f64 = 0.3;
+
 impl Viewer {
     /// Flies as long as a key for that is held.
     pub(super) fn fly(&mut self, ui: &Ui) {
@@ -26,13 +27,14 @@ impl Viewer {
     }
 
     pub(super) fn pointer(&mut self, ui: &Ui, response: &egui::Response, image: Rect) {
-        let delta = response.drag_delta() / image.height().max(1.0);
+        let height = image.height().min(image.width() / self.navigator.shape as f32).max(1.0);
+        let delta = response.drag_delta() / height;
         let (x, y) = (f64::from(delta.x), f64::from(delta.y));
         let selects = self.edit.pointer().is_some() || self.edit.held().is_some();
         let touch = ui.input(|input| input.multi_touch());
         if let Some(touch) = touch.filter(|touch| response.rect.contains(touch.center_pos)) {
             // Two fingers pan and zoom.
-            let moved = touch.translation_delta / image.height().max(1.0);
+            let moved = touch.translation_delta / height;
             self.navigator.pan(DVec2::new(moved.x.into(), moved.y.into()));
             self.navigator.scale(f64::from(touch.zoom_delta));
             self.has_moved();

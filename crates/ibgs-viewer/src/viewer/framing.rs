@@ -1,5 +1,6 @@
 //! Where to look, and where the image goes.
 
+use crate::canvas::SIDES;
 use eframe::egui::emath::GuiRounding;
 use eframe::egui::{Rect, Vec2};
 use glam::{DVec2, DVec3};
@@ -18,6 +19,14 @@ pub fn fitted(room: Rect, ratio: f32, pixels_per_point: f32) -> Rect {
     };
     let size = size.round_to_pixels(pixels_per_point);
     Rect::from_min_size((room.center() - size / 2.0).round_to_pixels(pixels_per_point), size)
+}
+
+/// A camera with the largest image that fits into a room.
+pub fn inscribed(camera: &Camera, [width, height]: [u32; 2]) -> Camera {
+    let (w, h) = (f64::from(camera.width), f64::from(camera.height));
+    let scale = (f64::from(width) / w).min(f64::from(height) / h);
+    let side = |length: f64| ((length * scale).round() as u32).max(SIDES[0]);
+    camera.resized(side(w), side(h))
 }
 
 /// A camera that sees more around the image of another one, which lies in the middle.
@@ -49,6 +58,7 @@ pub fn lowest(points: impl Iterator<Item = DVec3>, up: DVec3, center: DVec3) -> 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::navigator::Navigator;
     use eframe::egui::Pos2;
 
     #[test]
@@ -75,8 +85,22 @@ mod tests {
     }
 
     #[test]
+    fn leaving_a_view_keeps_the_size_of_all_that_is_seen() {
+        for [width, height] in [[40, 30], [30, 40], [32, 32]] {
+            let view = Navigator::facing(DVec3::ZERO, 3.0).camera(width, height);
+            let left = Navigator::at(&view, DVec3::ZERO, DVec3::NEG_Y);
+            for room in [[390, 620], [620, 390], [1200, 300], [300, 1200], [400, 300]] {
+                let (on, off) = (widened(&inscribed(&view, room), room), left.camera(room[0], room[1]));
+                assert_eq!([on.width, on.height], [off.width, off.height]);
+                let ratio = off.focal / on.focal;
+                assert!(ratio.abs_diff_eq(DVec2::ONE, 0.01), "{width} x {height} in {room:?}: {ratio}");
+            }
+        }
+    }
+
+    #[test]
     fn a_wider_camera_sees_the_same_in_its_middle() {
-        let camera = crate::navigator::Navigator::facing(DVec3::ZERO, 3.0).camera(40, 30);
+        let camera = Navigator::facing(DVec3::ZERO, 3.0).camera(40, 30);
         let wide = widened(&camera, [100, 40]);
         let point = DVec3::new(0.2, -0.1, 0.4);
         let place = |camera: &Camera| camera.project(point).0;
