@@ -1,33 +1,48 @@
-//! Progress bars on the terminal.
+//! Progress bars on the terminal, and what is done for a window.
 
 use crate::stderr;
 use ibgs_core::progress::Progress;
+use ibgs_viewer::Status;
 use indicatif::{ProgressBar, ProgressStyle};
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::{Duration, Instant};
 
 /// Interval between two lines where there is no terminal to show a bar on.
 const INTERVAL: Duration = Duration::from_secs(20);
+/// Interval between two lines that a window shows.
+const SHOWN: Duration = Duration::from_millis(100);
 
 /// Shows each piece of work as a bar, which goes when the work ends; without a terminal, long work as a line now and then.
 #[derive(Default)]
-pub struct Bars(Mutex<Option<Work>>);
+pub struct Bars<'a> {
+    work: Mutex<Option<Work>>,
+    window: Option<(&'a Status<'a>, &'static str)>,
+}
 
 struct Work {
     what: &'static str,
     bar: ProgressBar,
+    /// When a line was written last, and when the window was told.
     told: Instant,
+    shown: Instant,
 }
 
-impl Bars {
+impl<'a> Bars<'a> {
+    /// Tells a window too, and that it is at `rest` between the pieces of work.
+    pub fn telling(status: &'a Status<'a>, rest: &'static str) -> Self {
+        status(rest);
+        Self { window: Some((status, rest)), ..Self::default() }
+    }
+
     fn work(&self) -> MutexGuard<'_, Option<Work>> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner)
+        self.work.lock().unwrap_or_else(PoisonError::into_inner)
     }
 }
 
 impl Work {
     fn begin(what: &'static str, steps: usize) -> Self {
-        Self { what, bar: bar(what, steps), told: Instant::now() }
+        let now = Instant::now();
+        Self { what, bar: bar(what, steps), told: now, shown: now }
     }
 
     /// One step more, at this time; the line that is due.
@@ -36,8 +51,21 @@ impl Work {
         let is_due = self.bar.is_hidden() && now.duration_since(self.told) >= INTERVAL;
         is_due.then(|| {
             self.told = now;
-            format!("{}: {} of {}", self.what, self.bar.position(), self.bar.length().unwrap_or_default())
+            self.line()
         })
+    }
+
+    /// What a window shows, where it is due.
+    fn due(&mut self, now: Instant) -> Option<String> {
+        let is_due = now.duration_since(self.shown) >= SHOWN;
+        is_due.then(|| {
+            self.shown = now;
+            self.line()
+        })
+    }
+
+    fn line(&self) -> String {
+        format!("{}: {} of {}", self.what, self.bar.position(), self.bar.length().unwrap_or_default())
     }
 }
 
@@ -60,20 +88,33 @@ pub fn spinner(what: &'static str) -> ProgressBar {
     spinner
 }
 
-impl Progress for Bars {
+impl Progress for Bars<'_> {
     fn begin(&self, what: &'static str, steps: usize) {
-        *self.work() = Some(Work::begin(what, steps));
+        let work = Work::begin(what, steps);
+        if let Some((status, _)) = self.window {
+            status(&work.line());
+        }
+        *self.work() = Some(work);
     }
 
     fn step(&self) {
-        if let Some(line) = self.work().as_mut().and_then(|work| work.step(Instant::now())) {
+        let now = Instant::now();
+        let mut work = self.work();
+        let Some(work) = work.as_mut() else { return };
+        if let Some(line) = work.step(now) {
             stderr!("{line}");
+        }
+        if let Some((status, line)) = self.window.and_then(|(status, _)| Some((status, work.due(now)?))) {
+            status(&line);
         }
     }
 
     fn end(&self) {
         if let Some(work) = self.work().take() {
             work.bar.finish_and_clear();
+        }
+        if let Some((status, rest)) = self.window {
+            status(rest);
         }
     }
 }
@@ -91,5 +132,18 @@ mod tests {
         let told = [0, 1, 19, 20, 21, 40].map(|second| work.step(start + Duration::from_secs(second)));
         let line = |done| Some(format!("poses: {done} of 9"));
         assert_eq!(told, [None, None, None, line(4), None, line(6)]);
+    }
+
+    #[test]
+    fn a_window_is_told_each_piece_of_work() {
+        let told = Mutex::new(Vec::new());
+        let status = |line: &str| told.lock().unwrap().push(line.to_owned());
+        let bars = Bars::telling(&status, "opening");
+        bars.begin("poses", 2);
+        std::thread::sleep(SHOWN);
+        bars.step();
+        bars.step();
+        bars.end();
+        assert_eq!(*told.lock().unwrap(), ["opening", "poses: 0 of 2", "poses: 1 of 2", "opening"]);
     }
 }

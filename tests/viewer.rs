@@ -29,7 +29,7 @@ use ibgs_core::scene::{Splats, from_points};
 use ibgs_demo::DemoOptions;
 use ibgs_reference::gpu::{gpu, rasterizer};
 use ibgs_testing::tiny_demo;
-use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, View, Viewer, wgpu_setup};
+use ibgs_viewer::{Content, Open, Opened, Outcome, Scene, Status, View, Viewer, wgpu_setup};
 use std::path::Path;
 use std::sync::{Arc, OnceLock};
 use std::time::{Duration, Instant};

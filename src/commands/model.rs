@@ -132,11 +132,11 @@ impl ModelArgs {
 
     /// Opens the model on the adapter that the command line names.
     pub fn open(&self) -> Result<OpenModel> {
-        self.open_on(|| open_gpu(self.adapter.as_ref(), Use::Rendering))
+        self.open_on(|| open_gpu(self.adapter.as_ref(), Use::Rendering), &Bars::default())
     }
 
     /// Opens the model on a GPU. `gpu` is called after the files have been read.
-    pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<OpenModel> {
+    pub fn open_on(&self, gpu: impl FnOnce() -> Result<Arc<Gpu>>, bars: &Bars) -> Result<OpenModel> {
         let mut model = self.files.read_with(&ModelOptions {
             source_memory: self.source_memory,
             host_memory: self.host_memory,
@@ -150,7 +150,7 @@ impl ModelArgs {
         if self.photos == Photos::Unused {
             model.without_residual();
         }
-        match model.load_photos(&Bars::default()) {
+        match model.load_photos(bars) {
             Err(ModelError::SceneGone { .. } | ModelError::PhotosGone { .. } | ModelError::Scene(_))
                 if self.photos == Photos::IfThere && self.files.source.is_none() =>
             {

@@ -27,7 +27,7 @@ use ibgs_core::scene::{Gaussians, Splats, read_gaussians};
 use ibgs_core::sources::memory::MemoryBudget;
 use ibgs_train::session::SessionBuilder;
 use ibgs_viewer::{
-    Content, NEXT_OF_PHOTOS, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, ShareRequest, Training,
+    Content, NEXT_OF_PHOTOS, Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene, ShareRequest, Status, Training,
     TrainingRequest, View, Watch,
 };
 use std::collections::HashMap;
@@ -121,7 +121,7 @@ pub fn run(args: &Args) -> Result<()> {
             }
             let files = args.files(path);
             let wanted = ModelArgs { adapter: args.adapter.clone(), ..flying(ModelArgs::of(files), args.memory) };
-            let (gpu, opened) = model(&wanted, gpu)?;
+            let (gpu, opened) = model(&wanted, gpu, &Bars::default())?;
             if args.measure {
                 return measure(&gpu, opened);
             }
@@ -252,7 +252,7 @@ impl Opener {
     ///
     /// # Errors
     /// Those of [`prepare`].
-    pub fn train(&self, training: SessionBuilder, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Opened> {
+    pub fn train(&self, training: SessionBuilder, gpu: &Arc<Gpu>, status: &Status<'_>) -> Result<Opened> {
         let session = prepare(training, || Ok(gpu.clone()), status)?;
         Ok(trained(Watched::new(session, &self.failure)))
     }
@@ -286,7 +286,7 @@ impl Open for Opener {
         scene_in_window(wanted, &self.programs, watch)
     }
 
-    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome> {
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &Status<'_>) -> Result<Outcome> {
         let opened = match wanted {
             OpenRequest::Train(request) => {
                 request.scene.as_deref().map_or(Ok(()), check_path)?;
@@ -297,9 +297,9 @@ impl Open for Opener {
                 if let Some(outcome) = beginning(path) {
                     return outcome;
                 }
-                status("opening the model");
                 let files = FileArgs { model: path.clone(), ..FileArgs::default() };
-                model(&flying(ModelArgs::of(files), self.memory), || Ok(gpu.clone()))?.1
+                let wanted = flying(ModelArgs::of(files), self.memory);
+                model(&wanted, || Ok(gpu.clone()), &Bars::telling(status, "opening the model"))?.1
             }
         };
         Ok(Outcome::Opened(Box::new(opened)))
@@ -322,17 +322,17 @@ fn trained(run: Watched) -> Opened {
 }
 
 /// Opens a model folder, a bundle or a file of Gaussians.
-fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>) -> Result<(Arc<Gpu>, Opened)> {
+fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>, bars: &Bars) -> Result<(Arc<Gpu>, Opened)> {
     let path = &args.files.model;
     let title = path.display().to_string();
     if !path.is_dir() && !is_bundle(path) {
         return plain(path, title, gpu);
     }
-    let mut model = args.open_on(gpu)?.showing_surface();
+    let mut model = args.open_on(gpu, bars)?.showing_surface();
     let pictures = model.folder.root().to_owned();
     // A model can be viewed without the photos of its scene.
     let mut note = None;
-    let (photos, points) = match model.dataset(&Bars::default()) {
+    let (photos, points) = match model.dataset(bars) {
         Ok(dataset) => {
             let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())

@@ -59,7 +59,7 @@ impl Open for Into {
         Opener::default().sentence(error)
     }
 
-    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> anyhow::Result<Outcome> {
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &Status<'_>) -> anyhow::Result<Outcome> {
         match wanted {
             OpenRequest::Train(request) if request.scene.as_ref().is_some_and(|scene| scene.exists()) => {
                 let training = requested(request)?.output(Output::at(&self.0));

@@ -182,13 +182,16 @@ pub enum Outcome {
     Photos(PathBuf),
 }
 
+/// Takes what is being done, in a few words, from any thread.
+pub type Status<'a> = dyn Fn(&str) + Sync + 'a;
+
 /// Opens what a user asks for; called on the viewer's own threads.
 pub trait Open: Send + Sync + 'static {
     /// Opens it on this GPU. `status` is called with what is being done.
     ///
     /// # Errors
     /// A sentence that names the file and what to do.
-    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &dyn Fn(&str)) -> Result<Outcome>;
+    fn open(&self, wanted: &OpenRequest, gpu: &Arc<Gpu>, status: &Status<'_>) -> Result<Outcome>;
 
     /// Makes a scene of photos or a video and returns its folder; other things may be opened meanwhile. It ends early, with an
     /// error, once [`Watch::stop`] is true.

@@ -2,7 +2,7 @@
 
 use crate::mode::{Mode, Style};
 use crate::worker::{Command, Message, Request, Sheet, Worker};
-use crate::{Content, Open, OpenRequest, Opened, Outcome, Scene};
+use crate::{Content, Open, OpenRequest, Opened, Outcome, Scene, Status};
 use anyhow::{Result, bail};
 use eframe::egui;
 use ibgs_core::camera::Camera;
@@ -23,7 +23,7 @@ pub struct FrameTimes {
 struct Nothing;
 
 impl Open for Nothing {
-    fn open(&self, _: &OpenRequest, _: &Arc<Gpu>, _: &dyn Fn(&str)) -> Result<Outcome> {
+    fn open(&self, _: &OpenRequest, _: &Arc<Gpu>, _: &Status<'_>) -> Result<Outcome> {
         bail!("nothing is opened here")
     }
 }

@@ -250,7 +250,12 @@ impl WorkerState {
         match command {
             Command::Open(wanted) => {
                 self.status("opening");
-                match self.opener.open(&wanted, &self.gpu, &|what| self.status(what)) {
+                let (messages, window) = (&self.messages, &self.window);
+                let status = |what: &str| {
+                    let _ = messages.send(Message::Doing(what.to_owned()));
+                    window.request_repaint();
+                };
+                match self.opener.open(&wanted, &self.gpu, &status) {
                     Ok(Outcome::Opened(opened)) => {
                         self.end(work);
                         self.take(work, *opened);

@@ -4,7 +4,7 @@ use crate::{BUNDLE, gpu, options, sentence};
 use anyhow::{Result, bail};
 use ibgs_core::gpu::Gpu;
 use ibgs_core::model::Model;
-use ibgs_viewer::{Content, Open, OpenRequest, Opened, Outcome, Scene, View};
+use ibgs_viewer::{Content, Open, OpenRequest, Opened, Outcome, Scene, Status, View};
 use js_sys::Error;
 use std::collections::HashMap;
 use std::path::Path;
@@ -17,7 +17,7 @@ use web_sys::HtmlCanvasElement;
 struct Closed;
 
 impl Open for Closed {
-    fn open(&self, _: &OpenRequest, _: &Arc<Gpu>, _: &dyn Fn(&str)) -> Result<Outcome> {
+    fn open(&self, _: &OpenRequest, _: &Arc<Gpu>, _: &Status<'_>) -> Result<Outcome> {
         bail!("a browser opens no files; load the page with another bundle");
     }
 }

@@ -10,20 +10,20 @@ use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
 use ibgs_train::Session;
 use ibgs_train::session::{Event, Observer, Output, SessionBuilder};
-use ibgs_viewer::TrainingRequest;
+use ibgs_viewer::{Status, TrainingRequest};
 use std::path::Path;
 use std::sync::Arc;
 
 /// Reports work in progress to `status`, and the rest to the terminal.
 pub struct Reports<'a> {
-    status: &'a dyn Fn(&str),
-    bars: Bars,
+    status: &'a Status<'a>,
+    bars: Bars<'a>,
 }
 
 impl<'a> Reports<'a> {
     /// With a place for work in progress.
-    pub fn to(status: &'a dyn Fn(&str)) -> Self {
-        Self { status, bars: Bars::default() }
+    pub fn to(status: &'a Status<'a>) -> Self {
+        Self { status, bars: Bars::telling(status, "preparing the training") }
     }
 }
 
@@ -79,7 +79,7 @@ pub fn requested(request: &TrainingRequest) -> Result<SessionBuilder> {
 pub fn prepare(
     training: SessionBuilder,
     gpu: impl FnOnce() -> Result<Arc<Gpu>>,
-    status: &dyn Fn(&str),
+    status: &Status<'_>,
 ) -> Result<Session> {
     let mut reports = Reports::to(status);
     let mut loaded = training.load(&mut reports)?;
@@ -89,7 +89,6 @@ pub fn prepare(
     }
     let gpu = gpu()?;
     if is_demo {
-        status("ray tracing the demo scene; this takes some minutes the first time");
         demo::load(&mut loaded, &gpu, &mut reports)?;
     }
     Ok(loaded.build(&gpu, &mut reports)?)
