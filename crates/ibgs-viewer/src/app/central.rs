@@ -27,6 +27,11 @@ impl Viewer {
         if self.panels.only_frame { own } else { widened(&own, self.room) }
     }
 
+    /// Whether the gizmo is taken up, and outside of the picture.
+    pub(crate) fn misses_gizmo(&self) -> bool {
+        self.edit.uses_gizmo() && self.edit.gizmo(&self.camera(), self.center).is_none()
+    }
+
     fn wanted(&self, camera: Camera) -> CanvasRequest {
         CanvasRequest {
             camera,

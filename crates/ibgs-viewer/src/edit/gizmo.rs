@@ -137,9 +137,14 @@ impl Held {
 }
 
 impl Edit {
+    /// Whether the gizmo is taken up.
+    pub fn uses_gizmo(&self) -> bool {
+        self.shown && self.tool == Some(Tool::Gizmo)
+    }
+
     /// The gizmo, where it is taken up and seen.
     pub fn gizmo(&self, camera: &Camera, center: DVec3) -> Option<Gizmo> {
-        let editor = self.editor.as_ref().filter(|_| self.shown && self.tool == Some(Tool::Gizmo))?;
+        let editor = self.editor.as_ref().filter(|_| self.uses_gizmo())?;
         Gizmo::of(editor.placement(), camera, center)
     }
 

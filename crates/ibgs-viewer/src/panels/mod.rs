@@ -136,6 +136,9 @@ pub fn overlay(viewer: &Viewer, ui: &Ui, room: Rect) {
     if viewer.shows(Mode::needs_network) && viewer.lacks_sources() {
         lines.push("no photo near: base image".to_owned());
     }
+    if viewer.misses_gizmo() {
+        lines.push("the gizmo is outside of the picture".to_owned());
+    }
     let mut at = room.min + Vec2::splat(12.0);
     if !lines.is_empty() {
         at.y = label(&painter, at, Align2::LEFT_TOP, lines.join("\n")).bottom() + 12.0;

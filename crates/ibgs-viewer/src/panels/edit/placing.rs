@@ -20,7 +20,14 @@ pub fn placing(viewer: &mut Viewer, ui: &mut Ui) {
     if tool == Some(Tool::Length) {
         length(edit, unit, ui);
     }
-    numbers(edit, extent, ui);
+    if viewer.misses_gizmo() {
+        ui.label("The middle of the model, where the gizmo stands, is outside of the picture.");
+        if ui.button("Look at it").on_hover_text("Turn the camera to the middle of the model").clicked() {
+            viewer.navigator.focus(viewer.center);
+            viewer.has_moved();
+        }
+    }
+    numbers(&mut viewer.edit, extent, ui);
 }
 
 /// The measured length, and what it is in truth.
