@@ -2,8 +2,7 @@
 
 use crate::preparing::{PhotosRequest, Preparing};
 use crate::train_form::{PathField, row};
-use eframe::egui::{Button, Grid, ProgressBar, ScrollArea, TextEdit, Ui};
-use ibgs_core::progress::duration;
+use eframe::egui::{Button, Grid, ScrollArea, TextEdit, Ui};
 use std::path::PathBuf;
 
 /// What comes next where photos have no poses, in the window and from the command line.
@@ -60,10 +59,11 @@ impl PhotosForm {
 
     /// Shows the form, and a preparation; returns what was asked for.
     pub fn show(&mut self, preparing: &Preparing, ui: &mut Ui) -> Option<Asked> {
-        if !self.input.text.is_empty() {
+        let asked = ui.add_enabled_ui(!preparing.runs, |ui| self.fields(ui)).inner;
+        // Below the field, which otherwise would lose the keyboard.
+        if !self.input.text.is_empty() && !preparing.runs {
             ui.weak(format!("Next: {NEXT}."));
         }
-        let asked = ui.add_enabled_ui(!preparing.runs, |ui| self.fields(ui)).inner;
         asked.or(follow(preparing, ui))
     }
 
@@ -121,11 +121,8 @@ fn follow(preparing: &Preparing, ui: &mut Ui) -> Option<Asked> {
         ui.horizontal(|ui| {
             match &preparing.bar {
                 Some(bar) => {
-                    let left = bar.left().map_or_else(String::new, |left| format!(", {} left", duration(left)));
-                    let text = format!("{}: {} of {}{left}", bar.what, bar.done, bar.steps);
-                    let share = bar.done as f32 / bar.steps.max(1) as f32;
                     let width = (ui.available_width() - 80.0).max(80.0);
-                    ui.add(ProgressBar::new(share).desired_width(width).text(text));
+                    ui.add(bar.widget().desired_width(width));
                 }
                 None => {
                     ui.spinner();

@@ -1,8 +1,8 @@
 //! From photos to a scene: what the window asks for, and how it follows that.
 
 use crate::worker::Message;
-use eframe::egui::Context;
-use ibgs_core::progress::Progress;
+use eframe::egui::{Context, ProgressBar};
+use ibgs_core::progress::{Progress, duration};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
@@ -87,7 +87,7 @@ impl Progress for Watch {
     }
 }
 
-/// Work of a preparation that is being done.
+/// Work that is being done.
 pub(crate) struct Bar {
     pub what: &'static str,
     pub done: usize,
@@ -96,6 +96,18 @@ pub(crate) struct Bar {
 }
 
 impl Bar {
+    /// Work that begins.
+    pub fn new(what: &'static str, steps: usize) -> Self {
+        Self { what, done: 0, steps, since: Instant::now() }
+    }
+
+    /// How far it is, to be shown.
+    pub fn widget(&self) -> ProgressBar {
+        let left = self.left().map_or_else(String::new, |left| format!(", {} left", duration(left)));
+        let text = format!("{}: {} of {}{left}", self.what, self.done, self.steps);
+        ProgressBar::new(self.done as f32 / self.steps.max(1) as f32).text(text)
+    }
+
     /// Seconds that are left at the speed so far; none before the first step.
     pub fn left(&self) -> Option<f64> {
         let (done, steps) = (self.done as f64, self.steps as f64);
@@ -128,7 +140,7 @@ impl Preparing {
         }
         match sign {
             Sign::Note(sentence) => self.notes.push(sentence.clone()),
-            &Sign::Begin(what, steps) => self.bar = Some(Bar { what, done: 0, steps, since: Instant::now() }),
+            &Sign::Begin(what, steps) => self.bar = Some(Bar::new(what, steps)),
             Sign::Step => self.bar.iter_mut().for_each(|bar| bar.done = (bar.done + 1).min(bar.steps)),
             Sign::End => self.bar = None,
             Sign::Made(scene) => self.notes.push(format!("The scene is {}.", scene.display())),

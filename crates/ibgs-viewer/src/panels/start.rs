@@ -215,6 +215,7 @@ fn welcome(viewer: &mut Viewer, ui: &mut Ui) {
 /// The form for photos, and how far their preparation is.
 fn photos(viewer: &mut Viewer, ui: &mut Ui) {
     let shown = ui.group(|ui| {
+        ui.set_min_width(ui.available_width());
         ui.heading("Find poses of photos");
         let start = &mut viewer.start;
         start.photos.show(&start.preparing, ui)
@@ -240,6 +241,7 @@ fn forms(viewer: &mut Viewer, ui: &mut Ui) {
 
 fn form(viewer: &mut Viewer, ui: &mut Ui) {
     let form = ui.group(|ui| {
+        ui.set_min_width(ui.available_width());
         ui.heading("Train on a scene");
         viewer.start.form.show(ui)
     });
