@@ -12,6 +12,7 @@ mod photos;
 mod pixel;
 mod settings;
 mod share;
+mod sides;
 mod train;
 
 use crate::small::{image_part, small_model};

@@ -35,6 +35,11 @@ fn a_camera_path_is_made_played_kept_and_filmed() {
     assert_eq!(window.state().keyframes(), 4);
     window.run_steps(20);
     snapshot(&mut window, "camera path", 300);
+    window.set_size(Vec2::new(620.0, 800.0));
+    settle(&mut window);
+    snapshot(&mut window, "camera path in a tall window", 300);
+    window.set_size(Vec2::new(760.0, 420.0));
+    settle(&mut window);
     // Play moves the camera along.
     let before = window.state().navigator().position;
     window.key_press(Key::Space);
@@ -172,10 +177,10 @@ fn a_path_is_played_to_its_end() {
 fn a_path_is_closed_and_eased() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = with_keyframes(folder.path());
-    window.get_by_label("ease").click();
+    window.get_by_label("ease in and out").click();
     window.run_steps(2);
     assert!(saved(&mut window, folder.path()).eased);
-    window.get_by_label("round").click();
+    window.get_by_label("closed loop").click();
     window.run_steps(2);
     window.get_by_label("to 1");
     let path = saved(&mut window, folder.path());

@@ -39,7 +39,7 @@ impl eframe::App for Viewer {
         panels::bar(self, ui);
         panels::settings(self, ui.ctx());
         if self.start.shown || self.scene.is_none() {
-            self.panels.timeline_height = 0.0;
+            self.panels.picture = None;
             let shown = self.start.shown;
             egui::CentralPanel::default().show(ui, |ui| shown.then(|| panels::start(self, ui)));
             panels::status(self, ui.ctx());

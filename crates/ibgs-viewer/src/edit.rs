@@ -219,6 +219,7 @@ impl Viewer {
     pub fn show_editor(&mut self, shown: bool) {
         self.edit.lift();
         self.edit.shown = shown && self.training.is_none();
+        self.panels.folds_facts &= !self.edit.shown;
     }
 
     /// Gaussians that are left and that are selected; none while they are not there.

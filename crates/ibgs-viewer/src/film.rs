@@ -59,6 +59,22 @@ pub struct Film {
     pub target: FilmTarget,
 }
 
+/// A picture of a model, RGB, as it is shown in a film.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn picture(
+    renderer: &Renderer,
+    presenter: &mut Presenter,
+    camera: &Camera,
+    (mode, style): (Mode, &Style),
+) -> Result<Vec<u8>> {
+    renderer.complete(camera)?;
+    let look = mode.look().map(|look| look.of(renderer)).transpose()?;
+    let frame = look.as_ref().unwrap_or(renderer).render(camera)?;
+    Ok(presenter.picture(&frame, &mode.shown(style, None))?)
+}
+
 /// Where a film goes.
 #[derive(Clone, Debug)]
 pub enum FilmTarget {
@@ -105,7 +121,7 @@ impl Shoot {
     }
 
     /// Frames in all.
-    pub fn count(&self) -> usize {
+    fn count(&self) -> usize {
         self.film.cameras.len()
     }
 
@@ -115,10 +131,7 @@ impl Shoot {
     /// The device failed, or a file cannot be written.
     pub fn next(&mut self, renderer: &Renderer) -> Result<Option<String>> {
         if let Some(camera) = self.film.cameras.get(self.done) {
-            renderer.complete(camera)?;
-            let look = self.film.mode.look().map(|look| look.of(renderer)).transpose()?;
-            let frame = look.as_ref().unwrap_or(renderer).render(camera)?;
-            let rgb = self.presenter.picture(&frame, &self.film.mode.shown(&self.film.style, None))?;
+            let rgb = picture(renderer, &mut self.presenter, camera, (self.film.mode, &self.film.style))?;
             write_png(&self.film.target.frame(self.done), camera.width, camera.height, &rgb)?;
             self.done += 1;
         }

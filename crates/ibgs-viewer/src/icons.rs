@@ -1,7 +1,9 @@
 //! Small drawings beside words, in lines of the text's colour.
 
 use crate::edit::Tool;
-use eframe::egui::{Atom, AtomKind, AtomPaintArgs, IntoSizedResult, Rect, Shape, SizedAtomKind, Stroke, Ui, Vec2};
+use eframe::egui::{
+    Atom, AtomKind, AtomPaintArgs, Color32, IntoSizedResult, Painter, Rect, Shape, SizedAtomKind, Stroke, Ui, Vec2,
+};
 use std::sync::Arc;
 
 /// A drawing: lines through points of a square, from 0 at the left and the top to 16.
@@ -24,6 +26,18 @@ pub const SHARE: Icon =
     &[&[[2., 9.], [2., 14.], [14., 14.], [14., 9.]], &[[8., 10.], [8., 2.]], &[[5., 5.], [8., 2.], [11., 5.]]];
 /// There is a menu below.
 pub const DOWN: Icon = &[&[[5., 6.5], [8., 9.5], [11., 6.5]]];
+/// Where a panel goes, or comes from.
+pub const UP: Icon = &[&[[5., 9.5], [8., 6.5], [11., 9.5]]];
+pub const LEFT: Icon = &[&[[9.5, 5.], [6.5, 8.], [9.5, 11.]]];
+pub const RIGHT: Icon = &[&[[6.5, 5.], [9.5, 8.], [6.5, 11.]]];
+/// A strip of film.
+pub const FILM: Icon = &[
+    &[[2., 3.], [14., 3.], [14., 13.], [2., 13.], [2., 3.]],
+    &[[5., 3.], [5., 13.]],
+    &[[11., 3.], [11., 13.]],
+    &[[2., 8.], [5., 8.]],
+    &[[11., 8.], [14., 8.]],
+];
 const RECTANGLE: Icon = &[&[[2., 4.], [14., 4.], [14., 12.], [2., 12.], [2., 4.]]];
 const LASSO: Icon = &[&[
     [5., 10.],
@@ -88,17 +102,20 @@ pub fn of(tool: Tool) -> Icon {
     }
 }
 
+/// A drawing in a room.
+pub fn draw(painter: &Painter, lines: Icon, room: Rect, color: Color32) {
+    for line in lines {
+        let points = line.iter().map(|[x, y]| room.min + Vec2::new(*x, *y) / SIDE * room.size()).collect();
+        painter.add(Shape::line(points, Stroke::new(1.2, color)));
+    }
+}
+
 /// A drawing in a button, of the size of a checkbox.
 pub fn icon(lines: Icon) -> Atom<'static> {
     let kind = AtomKind::closure(move |ui, _| {
         let size = Vec2::splat(ui.spacing().icon_width);
         let paint = move |ui: &Ui, args: AtomPaintArgs| {
-            let room = Rect::from_center_size(args.rect.center(), size);
-            let at = |[x, y]: [f32; 2]| room.min + Vec2::new(x, y) / SIDE * size;
-            for line in lines {
-                let points = line.iter().copied().map(at).collect();
-                ui.painter().add(Shape::line(points, Stroke::new(1.2, args.fallback_text_color)));
-            }
+            draw(ui.painter(), lines, Rect::from_center_size(args.rect.center(), size), args.fallback_text_color);
         };
         IntoSizedResult { intrinsic_size: size, sized: SizedAtomKind::Paint { paint: Arc::new(paint), size } }
     });
@@ -112,7 +129,7 @@ mod tests {
     #[test]
     fn drawings_stay_in_their_square() {
         let tools = Tool::SELECTING.iter().chain(&Tool::PLACING).map(|(tool, ..)| of(*tool));
-        for drawing in tools.chain([FOLDER, EYE, CAMERA, PENCIL, DOWN]) {
+        for drawing in tools.chain([FOLDER, EYE, CAMERA, PENCIL, FILM, SHARE, UP, DOWN, LEFT, RIGHT]) {
             assert!(drawing.iter().all(|line| line.len() > 1));
             assert!(drawing.iter().copied().flatten().flatten().all(|place| (0.0..=SIDE).contains(place)));
         }

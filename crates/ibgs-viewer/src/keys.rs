@@ -242,7 +242,7 @@ impl Viewer {
         self.panels.path.add(&self.navigator);
         if !self.panels.shows_path {
             let number = self.keyframes();
-            self.message = Some(format!("keyframe {number} added to the camera path, which `Show` opens"));
+            self.message = Some(format!("keyframe {number} added to the camera path, which `Film` opens"));
         }
     }
 

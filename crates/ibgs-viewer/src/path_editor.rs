@@ -4,6 +4,7 @@ use crate::View;
 use crate::film::FilmQuality;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
+use crate::preparing::Bar;
 use eframe::egui::{Color32, Stroke, TextureHandle, Ui};
 use glam::DVec3;
 use ibgs_core::camera_path::turntable::Axis;
@@ -17,12 +18,25 @@ const TURN: f64 = 12.0;
 const PIECES: usize = 16;
 const MOST_PIECES: usize = 4_000;
 
+/// The picture of a keyframe.
+#[derive(Clone, Default)]
+pub enum Picture {
+    /// It is still to be asked for.
+    #[default]
+    Wanted,
+    /// It is asked for.
+    Asked,
+    /// It cannot be rendered.
+    Failed,
+    There(TextureHandle),
+}
+
 /// The path in work.
 pub struct PathEditor {
     /// What is edited.
     pub path: KeyframePath,
-    /// What the keyframes show, once the camera has stood there.
-    pub pictures: Vec<Option<TextureHandle>>,
+    /// What the keyframes show.
+    pub pictures: Vec<Picture>,
     /// The keyframe that is dragged along the timeline.
     pub dragged: Option<usize>,
     /// Where the preview stands, in seconds.
@@ -35,8 +49,10 @@ pub struct PathEditor {
     /// What the film shows; none: what the window shows.
     pub mode: Option<Mode>,
     pub quality: FilmQuality,
-    /// Frames of the film that are done, and their number.
-    pub filming: Option<(usize, usize)>,
+    /// The film in work.
+    pub filming: Option<Bar>,
+    /// What was written last.
+    pub written: Option<String>,
 }
 
 impl Default for PathEditor {
@@ -54,6 +70,7 @@ impl Default for PathEditor {
             mode: None,
             quality: FilmQuality::default(),
             filming: None,
+            written: None,
         }
     }
 }
@@ -72,7 +89,7 @@ impl PathEditor {
     /// Takes another path.
     pub fn load(&mut self, path: KeyframePath) {
         (self.path, self.at, self.moved, self.playing) = (path, 0.0, true, false);
-        (self.pictures, self.dragged) = (vec![None; self.keyframes()], None);
+        (self.pictures, self.dragged) = (vec![Picture::Wanted; self.keyframes()], None);
     }
 
     /// Forgets the keyframes.
@@ -86,7 +103,7 @@ impl PathEditor {
     pub fn add(&mut self, navigator: &Navigator) {
         let key = Keyframe { way: APART, ..navigator.keyframe() };
         self.path.change(|path| path.keyframes.push(key));
-        self.pictures.push(None);
+        self.pictures.push(Picture::Wanted);
         self.at = self.path.time_of(self.keyframes() - 1);
     }
 
@@ -94,7 +111,7 @@ impl PathEditor {
     pub fn set(&mut self, index: usize, navigator: &Navigator) {
         let key = &mut self.path.keyframes[index];
         *key = Keyframe { way: key.way, ..navigator.keyframe() };
-        self.pictures[index] = None;
+        self.pictures[index] = Picture::Wanted;
     }
 
     /// Removes a keyframe.
@@ -119,6 +136,31 @@ impl PathEditor {
     /// Lets the way to a keyframe take so many seconds.
     pub fn set_way(&mut self, index: usize, seconds: f64) {
         self.path.change(|path| path.keyframes[index].way = seconds);
+    }
+
+    /// The next keyframe whose picture is to be asked for, one after the other.
+    pub fn lacks_picture(&mut self) -> Option<Keyframe> {
+        if self.pictures.iter().any(|picture| matches!(picture, Picture::Asked)) {
+            return None;
+        }
+        let index = self.pictures.iter().position(|picture| matches!(picture, Picture::Wanted))?;
+        self.pictures[index] = Picture::Asked;
+        Some(self.path.keyframes[index])
+    }
+
+    /// Takes what a keyframe shows, wherever it stands by now.
+    pub fn take_picture(&mut self, of: &Keyframe, picture: &Picture) {
+        let stands_there = |key: &Keyframe| Keyframe { way: of.way, ..*key } == *of;
+        for (key, awaited) in self.path.keyframes.iter().zip(&mut self.pictures) {
+            if matches!(awaited, Picture::Asked) && stands_there(key) {
+                *awaited = picture.clone();
+            }
+        }
+    }
+
+    /// Whether pictures of keyframes are still to come.
+    pub fn awaits_pictures(&self) -> bool {
+        self.pictures.iter().any(|picture| matches!(picture, Picture::Wanted | Picture::Asked))
     }
 
     /// Closes the path, or opens it.

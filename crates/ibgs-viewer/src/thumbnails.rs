@@ -9,7 +9,7 @@ use std::collections::HashMap;
 use std::time::Duration;
 
 /// Longest side in pixels.
-const SIDE: u32 = 192;
+pub const SIDE: u32 = 192;
 /// Thumbnails that are made in one go: the others come with the next ones.
 const AT_ONCE: usize = 2;
 

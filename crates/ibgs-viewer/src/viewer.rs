@@ -1,5 +1,6 @@
 //! The state of the window: camera, what is open, and what stands around the canvas.
 
+mod filming;
 mod framing;
 mod leaving;
 mod link;
@@ -25,6 +26,7 @@ use crate::theme;
 use crate::thumbnails::Thumbnails;
 use crate::worker::{Command, Worker};
 use crate::{Open, OpenRequest, Opened, Outcome, PhotosRequest, Scene};
+use eframe::egui::Rect;
 use glam::DVec3;
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::gpu::{Gpu, GpuError};
@@ -48,15 +50,17 @@ pub(crate) struct Panels {
     pub shows_points: bool,
     /// Why a pixel looks as it does.
     pub shows_pixel: bool,
-    /// The list of views is hidden.
-    pub hides_views: bool,
+    /// The list of views is folded, where the user has said so; and so is the panel of facts.
+    pub folds_views: Option<bool>,
+    pub folds_facts: bool,
     /// Time, size and memory are hidden.
     pub hides_figures: bool,
     /// On a view, nothing around its photo.
     pub only_frame: bool,
-    /// The camera path's panel and its timeline, and how high that is in points.
+    /// The camera path's panel and its timeline.
     pub shows_path: bool,
-    pub timeline_height: f32,
+    /// Where the picture is, once there is one.
+    pub picture: Option<Rect>,
     /// Keys and pointer explained.
     pub shows_help: bool,
     pub shows_settings: bool,

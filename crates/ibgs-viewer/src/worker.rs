@@ -1,11 +1,12 @@
 //! What opens, renders and trains beside the window: a thread, in a browser a task. The window sends [`Command`]s and receives
 //! [`Message`]s; it never waits.
 
+mod film;
 mod frame;
 mod messages;
 mod training;
 
-pub use messages::{Command, Message, ModelFacts, Rendered, Request, Sheet};
+pub use messages::{Command, KeyframeRequest, Message, ModelFacts, Rendered, Request, Sheet};
 
 use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
@@ -303,6 +304,7 @@ impl WorkerState {
                     self.send(Message::FilmDone(Some(shoot.cancelled())));
                 }
             }
+            Command::Keyframe(wanted) => self.picture_keyframe(work, *wanted),
             Command::Edit(command) => match work.edit.execute(work.content.as_ref(), command) {
                 Ok(Some(message)) => self.send(Message::Edit(message)),
                 Ok(None) => {}
@@ -367,24 +369,5 @@ impl WorkerState {
             self.failed_in(work, &error);
         }
         self.window.request_repaint();
-    }
-
-    fn film_failed(&self, error: &anyhow::Error) {
-        self.send(Message::FilmDone(None));
-        self.failed(error);
-    }
-
-    /// The next frame of a film.
-    fn shoot(&self, work: &mut Work) {
-        let Some(mut shoot) = work.film.take() else { return };
-        match work.renderer().map(|(renderer, _)| shoot.next(&renderer)) {
-            Some(Ok(None)) => {
-                self.send(Message::Filmed(shoot.done(), shoot.count()));
-                work.film = Some(shoot);
-            }
-            Some(Ok(written)) => self.send(Message::FilmDone(written)),
-            Some(Err(error)) => self.film_failed(&error),
-            None => self.send(Message::FilmDone(None)),
-        }
     }
 }

@@ -66,6 +66,7 @@ impl Viewer {
         let scale = ui.ctx().pixels_per_point();
         let room = ui.available_rect_before_wrap().round_to_pixels(scale);
         let fitted = |ratio| fitted(room, ratio, scale);
+        self.panels.picture = Some(room);
         let response = ui.allocate_rect(room, Sense::click_and_drag());
         let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
         let pixels = room.size() * scale;
@@ -109,7 +110,8 @@ impl Viewer {
         panels::edit_in_image(self, ui, &response, image, &camera);
         panels::overlay(self, ui, room);
         panels::strength(self, ui, room);
-        self.picture_keyframe(ui.ctx())?;
+        panels::tabs(self, ui, room);
+        self.picture_keyframes();
         let is_outdated = |last: &Rendered| last.iteration != wanted.iteration || last.facts.is_loading;
         let outdated = self.canvas.last().is_some_and(is_outdated);
         if self.moving() || outdated {

@@ -3,18 +3,19 @@
 use crate::IN_BROWSER;
 use crate::icons::{self, icon};
 use crate::mode::Mode;
+use crate::panels::sides::SMALL;
 use crate::panels::start;
 use crate::viewer::Viewer;
 use eframe::egui::containers::menu::MenuButton;
-use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, Ui};
+use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, Ui, Vec2};
 use glam::DVec3;
 use std::time::Duration;
 use web_time::Instant;
 
-/// In narrower windows, in points, all modes are in a menu.
-const WIDE: f32 = 900.0;
-/// Modes that have buttons of their own.
-const BUTTONS: usize = 5;
+/// Modes that have buttons of their own in windows of at least this width, in points.
+const BUTTONS: [(f32, usize); 2] = [(SMALL, 3), (1150.0, 5)];
+/// Width of the menu of the others in points, which has room for every name.
+const MENU: f32 = 120.0;
 /// How long a message of success is shown.
 const READ: Duration = Duration::from_secs(8);
 
@@ -23,6 +24,11 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
     egui::Panel::top("bar").show(ui, |ui| {
         ui.horizontal_wrapped(|ui| {
             ui.style_mut().wrap_mode = Some(egui::TextWrapMode::Extend);
+            let is_small = ui.ctx().content_rect().width() < SMALL;
+            if is_small {
+                ui.spacing_mut().item_spacing.x = 4.0;
+            }
+            let separator = |ui: &mut Ui| _ = (!is_small).then(|| ui.separator());
             if !IN_BROWSER {
                 ui.menu_button((icon(icons::FOLDER), "Scene"), |ui| {
                     start::menu(viewer, ui);
@@ -38,12 +44,13 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
                 camera(viewer, ui);
                 if !IN_BROWSER {
                     edit(viewer, ui);
+                    film(viewer, ui);
                     share(viewer, ui);
                 }
-                ui.separator();
+                separator(ui);
                 modes(viewer, ui);
                 split(viewer, ui);
-                ui.separator();
+                separator(ui);
             }
             let shown = viewer.panels.shows_settings;
             if ui.selectable_label(shown, "Settings").on_hover_text("What is kept for every model").clicked() {
@@ -64,16 +71,12 @@ fn show(viewer: &mut Viewer, ui: &mut Ui) {
         );
         ui.checkbox(&mut panels.shows_points, "Sparse points")
             .on_hover_text("Points of the scene that the training began with");
-        let mut views = !panels.hides_views;
-        ui.checkbox(&mut views, "Views").on_hover_text("The list of photos");
-        panels.hides_views = !views;
         let mut figures = !panels.hides_figures;
         ui.checkbox(&mut figures, "Figures").on_hover_text("Size, time and memory of the image");
         panels.hides_figures = !figures;
         if IN_BROWSER {
             return;
         }
-        ui.checkbox(&mut panels.shows_path, "Camera path").on_hover_text("Keyframes, preview, film");
         ui.separator();
         if ui.button("Screenshot (P)").on_hover_text("Write what the canvas shows as a PNG file").clicked() {
             viewer.screenshot();
@@ -92,6 +95,15 @@ fn edit(viewer: &mut Viewer, ui: &mut Ui) {
     }
 }
 
+/// The button of films and stills.
+fn film(viewer: &mut Viewer, ui: &mut Ui) {
+    let shown = viewer.panels.shows_path;
+    let button = ui.add(Button::selectable(shown, (icon(icons::FILM), "Film")));
+    if button.on_hover_text("A camera path through keyframes, films of it, and still pictures of any size").clicked() {
+        viewer.show_path(!shown);
+    }
+}
+
 /// The button of what is written for others.
 fn share(viewer: &mut Viewer, ui: &mut Ui) {
     let model = viewer.shared_model();
@@ -103,10 +115,11 @@ fn share(viewer: &mut Viewer, ui: &mut Ui) {
     }
 }
 
-/// The modes: the usual ones as buttons, all others in a menu; in a narrow window every mode is in the menu, which bears the
+/// The modes: the usual ones as buttons, all others in a menu; in a small window every mode is in the menu, which bears the
 /// name of the one that is shown.
 fn modes(viewer: &mut Viewer, ui: &mut Ui) {
-    let buttons = if ui.ctx().content_rect().width() < WIDE { 0 } else { BUTTONS };
+    let width = ui.ctx().content_rect().width();
+    let buttons = BUTTONS.iter().rev().find(|(least, _)| width >= *least).map_or(0, |(_, buttons)| *buttons);
     let (usual, others) = Mode::ALL.split_at(buttons);
     for &mode in usual {
         if mode_button(viewer, ui, viewer.mode, mode) {
@@ -115,7 +128,9 @@ fn modes(viewer: &mut Viewer, ui: &mut Ui) {
     }
     let is_other = others.contains(&viewer.mode);
     let name = if is_other { viewer.mode.name() } else { "More" };
-    let menu = MenuButton::from_button(Button::selectable(is_other, (name, icon(icons::DOWN))));
+    // As wide for every mode, so that the bar keeps its height.
+    let button = Button::selectable(is_other, (name, icon(icons::DOWN))).min_size(Vec2::new(MENU, 0.0));
+    let menu = MenuButton::from_button(button);
     let (response, _) = menu.ui(ui, |ui| {
         for &mode in others {
             if mode_button(viewer, ui, viewer.mode, mode) {
@@ -137,8 +152,8 @@ fn mode_button(viewer: &Viewer, ui: &mut Ui, shown: impl Into<Option<Mode>>, mod
 }
 
 fn split(viewer: &mut Viewer, ui: &mut Ui) {
-    let name = viewer.other.map_or("Split".to_owned(), |other| format!("Split: {}", other.name()));
-    ui.menu_button(name, |ui| {
+    let menu = MenuButton::from_button(Button::selectable(viewer.other.is_some(), ("Split", icon(icons::DOWN))));
+    let (response, _) = menu.ui(ui, |ui| {
         if ui.selectable_label(viewer.other.is_none(), "No split").clicked() {
             viewer.show_other(None);
             ui.close();
@@ -149,9 +164,8 @@ fn split(viewer: &mut Viewer, ui: &mut Ui) {
                 ui.close();
             }
         }
-    })
-    .response
-    .on_hover_text("Show another mode right of a line that you can drag");
+    });
+    response.on_hover_text("Show another mode right of a line that you can drag");
 }
 
 fn camera(viewer: &mut Viewer, ui: &mut Ui) {
@@ -207,16 +221,17 @@ fn fade(viewer: &mut Viewer, ctx: &Context) {
     }
 }
 
-/// What is being done, was done, or went wrong: over the lower edge, so that the canvas keeps its size.
+/// What is being done, was done, or went wrong: over the lower edge of the picture, which keeps its size.
 pub fn status(viewer: &mut Viewer, ctx: &Context) {
     fade(viewer, ctx);
     if viewer.doing.is_none() && viewer.error.is_none() && viewer.message.is_none() {
         return;
     }
-    let most = (ctx.content_rect().width() - 48.0).min(900.0);
-    // What is below can still be clicked.
-    let above = 16.0 + viewer.panels.timeline_height;
-    Area::new(Id::unique("status")).anchor(Align2::CENTER_BOTTOM, [0.0, -above]).show(ctx, |ui| {
+    // What is around the picture can still be clicked.
+    let room = viewer.panels.picture.unwrap_or(ctx.content_rect());
+    let most = (room.width() - 48.0).clamp(160.0, 900.0);
+    let at = room.center_bottom() - Vec2::new(0.0, 16.0);
+    Area::new(Id::unique("status")).fixed_pos(at).pivot(Align2::CENTER_BOTTOM).show(ctx, |ui| {
         Frame::popup(ui.style()).show(ui, |ui| {
             ui.set_max_width(most);
             if let Some(doing) = &viewer.doing {

@@ -7,6 +7,7 @@ mod path;
 mod pixel;
 mod settings;
 mod share;
+mod sides;
 mod start;
 mod timeline;
 mod training;
@@ -16,6 +17,7 @@ pub use bar::{bar, status};
 pub use edit::{draw as draw_edit, grab as grab_gizmo, in_image as edit_in_image};
 pub use leaving::leaving;
 pub use settings::settings;
+pub use sides::tabs;
 pub use start::{chosen, start};
 
 use crate::keys;
@@ -29,8 +31,6 @@ use ibgs_core::local_space::Length;
 use ibgs_core::picture::{MOST_VISIBLE, visibility_color};
 use std::time::Duration;
 
-/// Windows that are narrower, in points, have below the image what others have beside it.
-const NARROW: f32 = 480.0;
 /// After this time without a new picture the old one says that it is old.
 const SLOW: Duration = Duration::from_millis(500);
 /// How dark the ground of text over the picture is.
@@ -41,36 +41,7 @@ pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     viewer.thumbnails.begin();
     // First, so that it has the whole width.
     timeline::timeline(viewer, ui);
-    views::views(viewer, ui);
-    let shows_pixel = viewer.panels.shows_pixel && viewer.found.is_some();
-    if viewer.training.is_some() || shows_pixel || viewer.panels.shows_path || viewer.edit.shown {
-        // On a phone the canvas would be nothing but a stripe beside it.
-        let panel = match ui.ctx().content_rect().width() < NARROW {
-            true => {
-                let most = (0.35 * ui.available_height()).max(80.0);
-                egui::Panel::bottom("facts below").default_size(200.0_f32.min(most)).max_size(most)
-            }
-            false => {
-                let most = (0.5 * ui.available_width()).max(120.0);
-                egui::Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most)
-            }
-        };
-        panel.show(ui, |ui| {
-            egui::ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-                training::training(viewer, ui);
-                edit::panel(viewer, ui);
-                if viewer.panels.shows_path {
-                    path::panel(viewer, ui);
-                }
-                if shows_pixel {
-                    pixel::pixel(viewer, ui);
-                }
-            });
-        });
-    }
-    if shows_pixel {
-        pixel::strip(viewer, ui);
-    }
+    sides::sides(viewer, ui);
     share::share(viewer, ui.ctx());
     help(viewer, ui);
 }

@@ -1,15 +1,15 @@
 //! The camera path's panel: duration, files, films and stills. Its keyframes are in the timeline.
 
 use crate::View;
-use crate::film::{Film, FilmQuality, FilmTarget};
+use crate::film::FilmQuality;
 use crate::mode::Mode;
 use crate::navigator::Navigator;
 use crate::path_editor::PathEditor;
 use crate::viewer::Viewer;
 use crate::worker::Command;
-use eframe::egui::{self, ComboBox, DragValue, ProgressBar, TextEdit, Ui};
+use eframe::egui::{self, ComboBox, DragValue, Grid, TextEdit, Ui};
 use ibgs_core::camera_path::{CameraPathError, KeyframePath};
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 /// The panel at the right.
 pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
@@ -26,9 +26,11 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
     }
     ui.separator();
     ui.heading("Film and still");
-    ui.horizontal_wrapped(|ui| frame_size(&mut viewer.panels.path, ui));
-    ui.horizontal_wrapped(|ui| look(viewer, ui));
     film(viewer, ui);
+    Grid::new("film").num_columns(2).show(ui, |ui| {
+        frame_size(&mut viewer.panels.path, ui);
+        look(viewer, ui);
+    });
     ui.separator();
 }
 
@@ -57,19 +59,24 @@ fn timing(editor: &mut PathEditor, ui: &mut Ui) {
         .suffix(" s");
     ui.add(duration).on_hover_text("Whole duration; all ways take part in it");
     let mut cycle = editor.path.cycle;
-    if ui.checkbox(&mut cycle, "round").on_hover_text("Back to the first keyframe at the end").changed() {
+    if ui.checkbox(&mut cycle, "closed loop").on_hover_text("Back to the first keyframe at the end").changed() {
         editor.set_cycle(cycle);
     }
-    ui.add_enabled(!cycle, egui::Checkbox::new(&mut editor.path.eased, "ease")).on_hover_text("Begin and end at rest");
+    ui.add_enabled(!cycle, egui::Checkbox::new(&mut editor.path.eased, "ease in and out"))
+        .on_hover_text("Begin and end at rest");
 }
 
 fn frame_size(editor: &mut PathEditor, ui: &mut Ui) {
-    ui.add(DragValue::new(&mut editor.path.width).range(16..=8192).clamp_existing_to_range(false));
-    ui.label("x");
-    ui.add(DragValue::new(&mut editor.path.height).range(16..=8192).clamp_existing_to_range(false));
-    ui.label("pixels").on_hover_text("Size of the frames");
-    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).clamp_existing_to_range(false).suffix(" FPS"))
-        .on_hover_text("Frames a second");
+    ui.label("size").on_hover_text("Width and height of the frames in pixels");
+    ui.horizontal(|ui| {
+        ui.add(DragValue::new(&mut editor.path.width).range(16..=8192).clamp_existing_to_range(false));
+        ui.label("x");
+        ui.add(DragValue::new(&mut editor.path.height).range(16..=8192).clamp_existing_to_range(false));
+    });
+    ui.end_row();
+    ui.label("speed").on_hover_text("Frames a second");
+    ui.add(DragValue::new(&mut editor.path.fps).range(1.0..=240.0).clamp_existing_to_range(false).suffix(" FPS"));
+    ui.end_row();
 }
 
 /// Saves and loads the path; returns what to tell the user of it.
@@ -97,61 +104,46 @@ fn look(viewer: &mut Viewer, ui: &mut Ui) {
     let editor = &mut viewer.panels.path;
     editor.mode = editor.mode.filter(|mode| offered.contains(mode));
     let name = editor.mode.map_or("as shown", Mode::name);
+    ui.label("shows");
     ComboBox::from_id_salt("film mode").selected_text(name).show_ui(ui, |ui| {
         ui.selectable_value(&mut editor.mode, None, "as shown");
         for mode in offered {
             ui.selectable_value(&mut editor.mode, Some(mode), mode.name());
         }
     });
+    ui.end_row();
+    ui.label("video").on_hover_text("How much the video is compressed; the frames beside it are not");
     ComboBox::from_id_salt("film quality").selected_text(editor.quality.name()).show_ui(ui, |ui| {
         for quality in FilmQuality::ALL {
             ui.selectable_value(&mut editor.quality, quality, quality.name());
         }
     });
-}
-
-/// A name that is free.
-fn free(folder: &Path, name: impl Fn(u32) -> String) -> Option<PathBuf> {
-    (1..).map(|n| folder.join(name(n))).find(|path| !path.exists())
-}
-
-/// The film of the path, or a picture from where the camera is, under a name that is free.
-fn film_of(viewer: &Viewer, is_still: bool) -> Option<Film> {
-    let pictures = &viewer.scene.as_ref()?.pictures;
-    let editor = &viewer.panels.path;
-    let (path, style) = (&editor.path, viewer.canvas.style);
-    let target = match is_still {
-        true => FilmTarget::Still(free(pictures, |n| format!("still-{n}.png"))?),
-        false => FilmTarget::Frames(free(pictures, |n| format!("film-{n}"))?),
-    };
-    let cameras = match is_still {
-        true => vec![viewer.navigator.keyframe().camera(path.width, path.height)],
-        false => path.frames(),
-    };
-    let mode = editor.mode.unwrap_or(viewer.mode);
-    Some(Film { cameras, fps: path.fps, mode, style, quality: editor.quality, target })
+    ui.end_row();
 }
 
 /// The buttons, or how far the film is.
 fn film(viewer: &mut Viewer, ui: &mut Ui) {
-    if let Some((done, count)) = viewer.panels.path.filming {
-        ui.add(ProgressBar::new(done as f32 / count.max(1) as f32).text(format!("{done} of {count}")));
-        if ui.button("Cancel").clicked() {
+    let editor = &viewer.panels.path;
+    if let Some(bar) = &editor.filming {
+        ui.add(bar.widget());
+        if ui.button("Cancel").on_hover_text("What is rendered stays").clicked() {
             viewer.send(Command::CancelFilm);
         }
         return;
     }
-    let ready = viewer.panels.path.keyframes() > 0;
+    let ready = editor.keyframes() > 0;
     let asked = ui.horizontal_wrapped(|ui| {
         let film = ui.add_enabled(ready, egui::Button::new("Render film"));
-        let film =
-            film.on_hover_text("Write every frame as PNG, and a video where ffmpeg is on this machine").clicked();
-        let still =
-            ui.button("Render still").on_hover_text("Write a PNG of this size from where the camera is").clicked();
-        (film || still).then_some(still)
+        let film = film
+            .on_hover_text("Write every frame as PNG, and a video where ffmpeg is on this machine")
+            .on_disabled_hover_text("Add keyframes first, by key K");
+        let still = ui.button("Render still").on_hover_text("Write a PNG of this size from where the camera is");
+        [film.clicked(), still.clicked()]
     });
-    if let Some(film) = asked.inner.and_then(|is_still| film_of(viewer, is_still)) {
-        viewer.panels.path.filming = Some((0, film.cameras.len()));
-        viewer.send(Command::Film(Box::new(film)));
+    if let Some(written) = &editor.written {
+        ui.label(written);
+    }
+    if let Some(is_still) = asked.inner.iter().position(|asked| *asked) {
+        viewer.film(is_still == 1);
     }
 }

@@ -7,8 +7,9 @@ use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
 use ibgs_core::inspect::{Inspection, SourceReading, Verdict};
 use ibgs_core::local_space::Length;
 
-/// Height of the source photos in points.
+/// Height of the source photos in points, and its largest share of the window's.
 const STRIP: f32 = 130.0;
+const STRIP_SHARE: f32 = 0.2;
 
 fn color(rgb: [f32; 3]) -> Color32 {
     let [r, g, b] = rgb.map(|v| (v.clamp(0.0, 1.0) * 255.0 + 0.5) as u8);
@@ -185,13 +186,14 @@ pub fn strip(viewer: &mut Viewer, ui: &mut Ui) {
         return;
     }
     let (thumbnails, mut chosen) = (&mut viewer.thumbnails, None);
+    let height = STRIP.min(STRIP_SHARE * ui.ctx().content_rect().height());
     egui::Panel::bottom("sources").show(ui, |ui| {
         egui::ScrollArea::horizontal().auto_shrink([false, true]).show(ui, |ui| {
             ui.horizontal(|ui| {
                 for (_, reading, index) in shown {
                     let view = &scene.views[index];
                     let ratio = view.camera.width as f32 / view.camera.height.max(1) as f32;
-                    let (rect, response) = ui.allocate_exact_size(Vec2::new(STRIP * ratio, STRIP), Sense::click());
+                    let (rect, response) = ui.allocate_exact_size(Vec2::new(height * ratio, height), Sense::click());
                     let painter = ui.painter_at(rect);
                     if let Some(texture) = thumbnails.of(ui.ctx(), index, view) {
                         let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));

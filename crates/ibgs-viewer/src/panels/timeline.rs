@@ -1,7 +1,7 @@
 //! The camera path's keyframes as pictures in a row, with the time of each way between them.
 
 use crate::navigator::Navigator;
-use crate::path_editor::PathEditor;
+use crate::path_editor::{PathEditor, Picture};
 use crate::thumbnails::paint;
 use crate::viewer::Viewer;
 use eframe::egui::{
@@ -17,17 +17,15 @@ const WAY: f32 = 48.0;
 
 /// The panel below the canvas.
 pub fn timeline(viewer: &mut Viewer, ui: &mut Ui) {
-    viewer.panels.timeline_height = 0.0;
     if !viewer.panels.shows_path {
         return;
     }
     let navigator = viewer.navigator;
     let editor = &mut viewer.panels.path;
-    let shown = egui::Panel::bottom("timeline").show(ui, |ui| {
+    egui::Panel::bottom("timeline").show(ui, |ui| {
         ui.horizontal_wrapped(|ui| controls(editor, &navigator, ui));
         ScrollArea::horizontal().auto_shrink([false, true]).show(ui, |ui| row(editor, ui));
     });
-    viewer.panels.timeline_height = shown.response.rect.height();
 }
 
 /// Preview, and what is done with the keyframe that it stands at.
@@ -141,8 +139,8 @@ fn tile(editor: &PathEditor, (index, time): (usize, f64), is_current: bool, ui: 
     let room = Rect::from_min_size(rect.min, PICTURE);
     painter.rect_filled(room, 3.0, visuals.extreme_bg_color);
     match &editor.pictures[index] {
-        Some(picture) => paint(&painter, picture, room),
-        None => {
+        Picture::There(picture) => paint(&painter, picture, room),
+        _ => {
             let font = TextStyle::Heading.resolve(ui.style());
             painter.text(room.center(), Align2::CENTER_CENTER, &number, font, visuals.weak_text_color());
         }

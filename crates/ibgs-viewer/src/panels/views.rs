@@ -1,26 +1,24 @@
 //! The scene's views at the left.
 
+use crate::View;
 use crate::marks;
 use crate::theme::as_text;
 use crate::viewer::Viewer;
-use crate::{IN_BROWSER, View};
 use eframe::egui::{self, Align2, Color32, Pos2, Rect, Sense, TextStyle, TextureHandle, Ui, Vec2};
 
 /// Height of a row in points.
 const ROW: f32 = 56.0;
-/// In narrower windows of a browser the image has all the room.
-const NARROW: f32 = 560.0;
 
 /// The list of views with their photos.
 pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     let Some(scene) = &viewer.scene else { return };
-    if scene.views.is_empty() || viewer.panels.hides_views || (IN_BROWSER && ui.available_width() < NARROW) {
+    if scene.views.is_empty() {
         return;
     }
     let (views, mut step, mut chosen) = (&scene.views, 0, None);
     let (on_view, thumbnails) = (viewer.on_view, &mut viewer.thumbnails);
     // In a narrow window the photos alone.
-    let is_narrow = ui.ctx().content_rect().width() < super::NARROW;
+    let is_narrow = super::sides::is_narrow(ui.ctx());
     let panel = match is_narrow {
         true => egui::Panel::left("narrow views").exact_size(88.0),
         false => egui::Panel::left("views").default_size(190.0).max_size((0.4 * ui.available_width()).max(80.0)),

@@ -58,9 +58,11 @@ impl Viewer {
                     }
                 }
                 Message::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
-                Message::Filmed(done, count) => self.panels.path.filming = Some((done, count)),
+                Message::Filmed(done) => self.panels.path.filming.iter_mut().for_each(|bar| bar.done = done),
+                Message::Keyframe(of, rgb) => self.take_keyframe(&of, rgb, ctx),
                 Message::FilmDone(written) => {
                     self.panels.path.filming = None;
+                    self.panels.path.written.clone_from(&written);
                     self.message = written.or(self.message.take());
                 }
                 Message::Edit(message) => {
@@ -162,7 +164,7 @@ impl Viewer {
             Some(rest) => ctx.request_repaint_after(rest),
             None => {
                 self.found = self.coming.take();
-                self.panels.shows_pixel = true;
+                (self.panels.shows_pixel, self.panels.folds_facts) = (true, false);
             }
         }
     }

@@ -88,6 +88,7 @@ impl Viewer {
     /// Shows or hides the camera path.
     pub fn show_path(&mut self, shown: bool) {
         self.panels.shows_path = shown;
+        self.panels.folds_facts &= !shown;
     }
 
     /// Where the camera path is saved and loaded.
@@ -111,6 +112,11 @@ impl Viewer {
             true => self.start.is_complete(),
             false => self.scene.is_none() || self.canvas.is_settled(),
         };
-        self.doing.is_none() && !self.start.preparing.runs && !self.share.runs && !self.moving() && has_all
+        self.doing.is_none()
+            && !self.start.preparing.runs
+            && !(self.panels.shows_path && self.panels.path.awaits_pictures())
+            && !self.share.runs
+            && !self.moving()
+            && has_all
     }
 }

@@ -7,6 +7,7 @@ use crate::mode::{Mode, Style};
 use crate::preparing::Sign;
 use crate::{OpenRequest, Opened, PhotosRequest, Scene, ShareRequest};
 use ibgs_core::camera::Camera;
+use ibgs_core::camera_path::Keyframe;
 use ibgs_core::inspect::Inspection;
 use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Frame;
@@ -33,6 +34,19 @@ pub struct Sheet {
     /// A texture of the frame's size that the window does not paint now.
     pub texture: wgpu::Texture,
     /// What it is to show; nothing that needs a photo.
+    pub mode: Mode,
+    /// How.
+    pub style: Style,
+}
+
+/// A keyframe of the camera path whose picture is asked for.
+#[derive(Clone, Copy, Debug)]
+pub struct KeyframeRequest {
+    /// The keyframe.
+    pub key: Keyframe,
+    /// From where.
+    pub camera: Camera,
+    /// What is shown.
     pub mode: Mode,
     /// How.
     pub style: Style,
@@ -71,6 +85,8 @@ pub enum Command {
     Film(Box<Film>),
     /// Leave the film unfinished.
     CancelFilm,
+    /// Render what a keyframe shows.
+    Keyframe(Box<KeyframeRequest>),
     /// What the editor asks for.
     Edit(EditCommand),
 }
@@ -146,10 +162,12 @@ pub enum Message {
     },
     /// The model was saved.
     Saved(PathBuf),
-    /// Frames of the film that are done, and their number.
-    Filmed(usize, usize),
+    /// Frames of the film that are done.
+    Filmed(usize),
     /// The film has ended: what was written, where nothing failed.
     FilmDone(Option<String>),
+    /// What a keyframe shows, RGB; none where it cannot be rendered.
+    Keyframe(Box<KeyframeRequest>, Option<Vec<u8>>),
     /// Something failed, in one sentence.
     Failed(String),
     /// The frame that was asked for could not be rendered.
