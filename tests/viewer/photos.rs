@@ -4,6 +4,7 @@ use super::open::drop_into;
 use super::*;
 use crate::cli::Sandbox;
 use crate::cli::prepare::{COLMAP, make_program, sandbox};
+use eframe::egui::Role;
 use egui_kittest::kittest::Queryable;
 use ibgs::commands::prepare::Programs;
 use std::path::PathBuf;
@@ -50,6 +51,18 @@ fn dropped_photos_become_a_scene_to_train_on() {
     settle(&mut window);
     window.get_by_label_contains("was made of these photos and is used");
     assert!(!sandbox.path("calls").exists());
+}
+
+#[test]
+fn a_path_can_be_typed() {
+    let mut window = window_with_colmap(PathBuf::from("colmap"), None);
+    window.get_by_role_and_label(Role::TextInput, "Photos or video").focus();
+    window.run_steps(3);
+    for letter in ["/", "a", "b"] {
+        window.event(Event::Text(letter.to_owned()));
+        window.run_steps(3);
+    }
+    assert!(holds(&window, Path::new("/ab")), "what appears while one types takes the keyboard away");
 }
 
 #[test]

@@ -12,7 +12,7 @@ use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
 use crate::looks::Looks;
 use crate::preparing::{Sign, Watch};
-use crate::{Content, Open, Opened, Outcome, PhotosRequest, ShareRequest, Training};
+use crate::{Content, Open, OpenRequest, Opened, Outcome, PhotosRequest, ShareRequest, Training};
 use eframe::egui;
 use ibgs_core::gpu::{Gpu, GpuError};
 use ibgs_core::present::Presenter;
@@ -247,25 +247,27 @@ impl WorkerState {
         self.send(Message::Opened(Box::new(opened.scene), progress));
     }
 
+    fn open(&self, work: &mut Work, wanted: &OpenRequest) {
+        self.status("opening");
+        let (messages, window) = (&self.messages, &self.window);
+        let status = |what: &str| {
+            let _ = messages.send(Message::Doing(what.to_owned()));
+            window.request_repaint();
+        };
+        match self.opener.open(wanted, &self.gpu, &status) {
+            Ok(Outcome::Opened(opened)) => {
+                self.end(work);
+                self.take(work, *opened);
+            }
+            Ok(Outcome::Scene(path)) => self.send(Message::Scene(path)),
+            Ok(Outcome::Photos(path)) => self.send(Message::Photos(path)),
+            Err(error) => self.failed(&error),
+        }
+    }
+
     async fn execute(&self, work: &mut Work, command: Command) {
         match command {
-            Command::Open(wanted) => {
-                self.status("opening");
-                let (messages, window) = (&self.messages, &self.window);
-                let status = |what: &str| {
-                    let _ = messages.send(Message::Doing(what.to_owned()));
-                    window.request_repaint();
-                };
-                match self.opener.open(&wanted, &self.gpu, &status) {
-                    Ok(Outcome::Opened(opened)) => {
-                        self.end(work);
-                        self.take(work, *opened);
-                    }
-                    Ok(Outcome::Scene(path)) => self.send(Message::Scene(path)),
-                    Ok(Outcome::Photos(path)) => self.send(Message::Photos(path)),
-                    Err(error) => self.failed(&error),
-                }
-            }
+            Command::Open(wanted) => self.open(work, &wanted),
             Command::Prepare(wanted) => self.prepare(*wanted),
             Command::Share(wanted) => self.share(*wanted),
             Command::Replace(opened, revision) => {

@@ -45,8 +45,9 @@ pub fn panel(viewer: &mut Viewer, ui: &mut Ui) {
 fn counts(edit: &Edit, ui: &mut Ui) {
     let Some(editor) = &edit.editor else { return };
     let (left, whole) = (editor.left_count(), editor.gaussians().len());
-    let always = [("Gaussians left", left), ("selected", editor.selected_count())];
-    let others = [("deleted", whole - left), ("hidden", editor.hidden_count()), ("locked", editor.locked_count())];
+    // What is usual always has its row, so that the buttons below stay where they are.
+    let always = [("Gaussians left", left), ("selected", editor.selected_count()), ("deleted", whole - left)];
+    let others = [("hidden", editor.hidden_count()), ("locked", editor.locked_count())];
     Grid::new("counts").num_columns(2).show(ui, |ui| {
         for (name, count) in always.into_iter().chain(others.into_iter().filter(|(_, count)| *count > 0)) {
             ui.label(name);

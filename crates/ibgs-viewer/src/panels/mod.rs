@@ -167,17 +167,25 @@ fn legend(painter: &Painter, at: Pos2, most: u32) {
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
-    egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).vscroll(true).show(
-        ui.ctx(),
-        |ui| {
-            egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-                for (key, what) in keys::help() {
-                    ui.strong(key);
-                    ui.label(what);
-                    ui.end_row();
-                }
-            });
-        },
-    );
+    let room = ui.ctx().content_rect();
+    let window =
+        egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).vscroll(true);
+    window.max_width(room.width() - 32.0).show(ui.ctx(), |ui| {
+        if room.width() < sides::SMALL {
+            for (key, what) in keys::help() {
+                ui.strong(key);
+                ui.label(what);
+                ui.add_space(4.0);
+            }
+            return;
+        }
+        egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+            for (key, what) in keys::help() {
+                ui.strong(key);
+                ui.label(what);
+                ui.end_row();
+            }
+        });
+    });
     viewer.panels.shows_help = open;
 }

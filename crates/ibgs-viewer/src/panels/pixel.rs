@@ -1,6 +1,7 @@
 //! Why a pixel looks as it does.
 
 use crate::marks;
+use crate::panels::sides::table;
 use crate::theme::as_text;
 use crate::viewer::{Found, Viewer};
 use eframe::egui::{self, Color32, Pos2, Rect, Sense, Ui, Vec2};
@@ -73,14 +74,12 @@ pub fn pixel(viewer: &mut Viewer, ui: &mut Ui) {
         ui.strong("Median intersections").on_hover_text(
             "The Gaussians around the median depth that the ray meets, front to back: the photos are read at each of them",
         );
-        let grid = egui::Grid::new("intersections").num_columns(3).striped(true);
-        grid.show(ui, |ui| intersections_table(inspection, ui));
+        table(ui, "intersections", 3, |ui| intersections_table(inspection, ui));
     }
     if !inspection.sources.is_empty() {
         ui.separator();
         ui.strong("Source photos").on_hover_text("Photos of neighbouring views, in the order in which they are tested");
-        let grid = egui::Grid::new("sources").num_columns(4).striped(true);
-        grid.show(ui, |ui| sources_table(viewer, found, ui));
+        table(ui, "sources", 4, |ui| sources_table(viewer, found, ui));
     }
     if close {
         viewer.found = None;

@@ -5,7 +5,7 @@ use super::{edit, path, pixel, training, views};
 use crate::IN_BROWSER;
 use crate::icons::{self, Icon, draw};
 use crate::viewer::Viewer;
-use eframe::egui::{self, Context, Panel, Pos2, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
+use eframe::egui::{self, Context, Grid, Panel, Pos2, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
 
 /// Windows that are narrower, in points, have no room for panels on both sides.
 pub const SMALL: f32 = 900.0;
@@ -73,7 +73,7 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
     let panel = match place(ui.ctx()) {
         Place::Below => {
             let most = (SHARE * ui.available_height()).max(80.0);
-            Panel::bottom("facts below").default_size(200.0_f32.min(most)).max_size(most)
+            Panel::bottom("facts below").default_size(most).max_size(most)
         }
         Place::Beside => {
             let width = ui.ctx().content_rect().width();
@@ -94,6 +94,15 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
             }
         });
     });
+}
+
+/// A table of the facts; in a small window it scrolls sideways, so that the panel keeps its width.
+pub fn table(ui: &mut Ui, name: &str, columns: usize, rows: impl FnOnce(&mut Ui)) {
+    let grid = Grid::new(name).num_columns(columns).striped(true);
+    match ui.ctx().content_rect().width() < SMALL {
+        true => _ = ScrollArea::horizontal().id_salt(name).show(ui, |ui| grid.show(ui, rows)),
+        false => _ = grid.show(ui, rows),
+    }
 }
 
 /// The tabs at the edges of the picture.

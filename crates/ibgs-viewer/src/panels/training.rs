@@ -2,6 +2,7 @@
 
 use crate::OpenRequest;
 use crate::curves::Curves;
+use crate::panels::sides::table;
 use crate::viewer::{End, Trained, Viewer};
 use crate::worker::Command;
 use eframe::egui::{self, ProgressBar, Ui};
@@ -31,8 +32,7 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
     curves(&trained.curves, ui);
     if !progress.evaluations.is_empty() {
         ui.label("Held-out views").on_hover_text("Measured on photos that the training never saw");
-        let grid = egui::Grid::new("evaluations").num_columns(4).striped(true);
-        grid.show(ui, |ui| evaluations(progress, ui));
+        table(ui, "evaluations", 4, |ui| evaluations(progress, ui));
     }
     ui.separator();
     if let Some(command) = command {

@@ -48,6 +48,13 @@ impl Viewer {
         self.send(Command::Film(Box::new(film)));
     }
 
+    /// Takes what was written of a film, which has ended.
+    pub(crate) fn take_film(&mut self, written: Option<String>) {
+        self.panels.path.filming = None;
+        self.panels.path.written.clone_from(&written);
+        self.message = written.or(self.message.take());
+    }
+
     /// Asks for the picture of the next keyframe that has none, while nothing else is rendered.
     pub(crate) fn picture_keyframes(&mut self) {
         if !self.panels.shows_path || !self.canvas.is_settled() || self.panels.path.filming.is_some() {

@@ -60,11 +60,7 @@ impl Viewer {
                 Message::Saved(path) => self.message = Some(format!("saved: {}", path.display())),
                 Message::Filmed(done) => self.panels.path.filming.iter_mut().for_each(|bar| bar.done = done),
                 Message::Keyframe(of, rgb) => self.take_keyframe(&of, rgb, ctx),
-                Message::FilmDone(written) => {
-                    self.panels.path.filming = None;
-                    self.panels.path.written.clone_from(&written);
-                    self.message = written.or(self.message.take());
-                }
+                Message::FilmDone(written) => self.take_film(written),
                 Message::Edit(message) => {
                     let said = self.edit.take(message, self.navigator.up);
                     self.message = said.or(self.message.take());

@@ -112,11 +112,9 @@ impl Viewer {
             true => self.start.is_complete(),
             false => self.scene.is_none() || self.canvas.is_settled(),
         };
-        self.doing.is_none()
-            && !self.start.preparing.runs
-            && !(self.panels.shows_path && self.panels.path.awaits_pictures())
-            && !self.share.runs
-            && !self.moving()
-            && has_all
+        let path = &self.panels.path;
+        let draws = self.panels.shows_path && path.awaits_pictures();
+        let works = self.doing.is_some() || self.start.preparing.runs || self.share.runs || draws;
+        !works && !self.moving() && has_all
     }
 }
