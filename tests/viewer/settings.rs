@@ -216,7 +216,7 @@ fn a_mode_that_is_off_says_what_is_missing() {
 fn buttons_leave_the_keys_to_the_picture() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = coarse(plain(folder.path()));
-    window.set_size(Vec2::new(1000.0, 600.0));
+    window.set_size(Vec2::new(1200.0, 600.0));
     settle(&mut window);
     let focused = |window: &Window| window.ctx.memory(|memory| memory.focused());
     // Clicked, and chosen by Tab.

@@ -125,8 +125,11 @@ fn look(viewer: &mut Viewer, ui: &mut Ui) {
 fn film(viewer: &mut Viewer, ui: &mut Ui) {
     let editor = &viewer.panels.path;
     if let Some(bar) = &editor.filming {
-        ui.add(bar.widget());
-        if ui.button("Cancel").on_hover_text("What is rendered stays").clicked() {
+        let cancel = ui.horizontal(|ui| {
+            ui.add(bar.widget().desired_width((ui.available_width() - 70.0).max(80.0)));
+            ui.button("Cancel").on_hover_text("What is rendered stays").clicked()
+        });
+        if cancel.inner {
             viewer.send(Command::CancelFilm);
         }
         return;
