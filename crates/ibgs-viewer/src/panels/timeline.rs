@@ -5,8 +5,8 @@ use crate::path_editor::{PathEditor, Picture};
 use crate::thumbnails::paint;
 use crate::viewer::Viewer;
 use eframe::egui::{
-    self, Align2, Button, DragValue, Id, Rect, Role, ScrollArea, Sense, Slider, SliderClamping, Stroke, TextStyle, Ui,
-    Vec2, WidgetInfo,
+    self, Align2, Button, DragValue, Id, Label, Rect, RichText, Role, ScrollArea, Sense, Slider, SliderClamping,
+    Stroke, TextStyle, Ui, Vec2, WidgetInfo,
 };
 
 /// Size of a keyframe's picture in points, and of the line below it.
@@ -85,7 +85,6 @@ fn row(editor: &mut PathEditor, ui: &mut Ui) {
             && editor.path.cycle
         {
             way(editor, 0, end - last, ui);
-            ui.label("to 1").on_hover_text("Back to the first keyframe");
         }
     });
     if !is_down {
@@ -124,6 +123,8 @@ fn way(editor: &mut PathEditor, index: usize, mut seconds: f64, ui: &mut Ui) {
     if ui.put(field, value).on_hover_text(format!("Time of the way to keyframe {}", index + 1)).changed() {
         editor.set_way(index, seconds);
     }
+    let below = Rect::from_min_max(room.left_top() + Vec2::new(0.0, PICTURE.y), room.max);
+    ui.put(below, Label::new(RichText::new(format!("to {}", index + 1)).small()));
 }
 
 /// A keyframe: what is seen from there, its number and its time.
