@@ -7,3 +7,4 @@ mod kernels;
 mod photo_errors;
 mod source_store;
 mod subgroups;
+mod window_errors;

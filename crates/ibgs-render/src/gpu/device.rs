@@ -152,8 +152,7 @@ impl Gpu {
         });
         self.device.on_uncaptured_error(Arc::new(move |error: wgpu::Error| {
             let text = error.to_string();
-            // A window's surface that could not be set up in time (a software adapter was busy) is set up again.
-            if !text.contains("Surface::configure") {
+            if !is_of_window(&text) {
                 // The next wait for the device returns it.
                 let _ = also.set(text.split_whitespace().collect::<Vec<_>>().join(" "));
             }
@@ -283,4 +282,10 @@ impl Gpu {
     pub fn wait_for(&self, mark: Mark) -> Result<(), GpuError> {
         self.wait_until(Some(mark.0))
     }
+}
+
+/// Whether an error costs a window one frame and the device nothing: a surface that could not be set up in time, as a software
+/// adapter was busy, is set up again; until then a window that was made larger paints beyond it.
+fn is_of_window(error: &str) -> bool {
+    ["Surface::configure", "set_scissor_rect"].iter().any(|cause| error.contains(cause))
 }
