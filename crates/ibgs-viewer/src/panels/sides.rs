@@ -77,9 +77,10 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
         }
         Place::Beside => {
             let width = ui.ctx().content_rect().width();
-            let share = if width < SMALL { SHARE } else { 0.5 };
+            // Each with a width of its own, which the user may change.
+            let (name, share) = if width < SMALL { ("small facts", SHARE) } else { ("facts", 0.5) };
             let most = (share * width).max(120.0);
-            Panel::right("facts").default_size(300.0_f32.min(most)).max_size(most)
+            Panel::right(name).default_size(300.0_f32.min(most)).max_size(most)
         }
     };
     panel.show(ui, |ui| {
