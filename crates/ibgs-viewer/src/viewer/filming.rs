@@ -17,10 +17,9 @@ fn free(folder: &Path, name: impl Fn(u32) -> String) -> Option<PathBuf> {
 }
 
 impl Viewer {
-    /// What a film shows: what was chosen, or what the window shows. The camera of a film stands on no photo.
+    /// What a film shows: what was chosen, or what the window shows; without a photo all that compares with one is the final image.
     fn filmed(&self) -> Mode {
-        let plain = if self.offers(Mode::Final) { Mode::Final } else { Mode::Base };
-        self.panels.path.mode.or((!self.mode.needs_photo()).then_some(self.mode)).unwrap_or(plain)
+        self.panels.path.mode.unwrap_or(self.mode)
     }
 
     /// The film of the path, or a picture from where the camera is, under a name that is free.
