@@ -10,6 +10,7 @@ use anyhow::{Result, bail};
 use clap::{ArgGroup, Args as ClapArgs, FromArgMatches};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::files::is_same;
+use ibgs_core::levels::write_streamed;
 use ibgs_core::model::{Model, is_bundle};
 use ibgs_core::scene::{
     Format, Gaussians, PlyFlavor, SpzVersion, read_gaussians, write_gaussians, write_ply, write_spz,
@@ -24,6 +25,7 @@ Examples:
   ibgs export output/my-scene -o my-scene.spz
   ibgs export some.splat -o some.ply
   ibgs export output/my-scene --web my-page
+  ibgs export output/my-scene --streamed my-levels
   ibgs export output/my-scene --cameras sparse/0";
 
 fn output_help() -> String {
@@ -49,6 +51,10 @@ pub struct Args {
     /// distortion in the size that they were trained in, refined where they were.
     #[arg(long, value_name = "FOLDER", group = "target", conflicts_with_all = ["plain", "levels", "quality", "photo_size"])]
     cameras: Option<PathBuf>,
+    /// Folder to write streamed SOG to (`lod-meta.json`): the Gaussians in regions with levels of detail, of which PlayCanvas'
+    /// and SuperSplat's viewers load what a view needs; for large models.
+    #[arg(long, value_name = "FOLDER", group = "target", conflicts_with_all = ["plain", "levels", "quality", "photo_size"])]
+    streamed: Option<PathBuf>,
     /// With `--web`: folder of the viewer's module for browsers (ibgs_web.js, ibgs_web_bg.wasm) [default: `web` beside
     /// the program].
     #[arg(long, value_name = "FOLDER", requires = "web")]
@@ -63,7 +69,7 @@ pub struct Args {
     #[arg(long)]
     plain: bool,
     /// For `.spz`: version of the format [default: 4]; programs from before 2026 read version 3.
-    #[arg(long, value_name = "VERSION", value_parser = spz_version, conflicts_with_all = ["web", "cameras"])]
+    #[arg(long, value_name = "VERSION", value_parser = spz_version, conflicts_with_all = ["web", "cameras", "streamed"])]
     spz: Option<SpzVersion>,
     /// Replace an existing file, or files of the same names in the folder.
     #[arg(long)]
@@ -121,10 +127,11 @@ pub fn run(args: &Args) -> Result<()> {
 
 /// Writes what is asked for; returns what to tell of it, a line each.
 fn write(args: &Args) -> Result<Vec<String>> {
-    match (&args.web, &args.cameras) {
-        (Some(folder), _) => Ok(vec![web::write(args, folder)?]),
-        (_, Some(folder)) => Ok(vec![cameras::write(args, folder)?]),
-        _ => file(args, args.output.as_ref().expect("one of the three is required")),
+    match (&args.web, &args.cameras, &args.streamed) {
+        (Some(folder), ..) => Ok(vec![web::write(args, folder)?]),
+        (_, Some(folder), _) => Ok(vec![cameras::write(args, folder)?]),
+        (.., Some(folder)) => streamed(args, folder),
+        _ => file(args, args.output.as_ref().expect("one of the four is required")),
     }
 }
 
@@ -208,8 +215,24 @@ fn gaussians_alone(args: &Args, output: &Path, format: Format) -> Result<Vec<Str
         Format::Spz => write_spz(output, &gaussians, args.spz.unwrap_or_default())?,
         _ => write_gaussians(output, &gaussians, format)?,
     }
-    let notes = format.losses(&gaussians).into_iter().map(|loss| format!("note: {}: {loss}", output.display()));
-    notes.map(Ok).chain(std::iter::once_with(|| said(output))).collect()
+    let said = said(output)?;
+    Ok(noted(&gaussians, format, output, said))
+}
+
+/// What a format leaves out of a model, and last what else is to be told.
+fn noted(gaussians: &Gaussians, format: Format, output: &Path, last: String) -> Vec<String> {
+    let notes = format.losses(gaussians).into_iter().map(|loss| format!("note: {}: {loss}", output.display()));
+    notes.chain([last]).collect()
+}
+
+/// Writes the Gaussians with levels of detail.
+fn streamed(args: &Args, folder: &Path) -> Result<Vec<String>> {
+    refuse_taken(folder, args.overwrite)?;
+    let gaussians = gaussians(args)?;
+    let counts = write_streamed(folder, &gaussians)?;
+    let counts: Vec<String> = counts.iter().map(usize::to_string).collect();
+    let last = format!("{} written, Gaussians of each level of detail: {}", folder.display(), counts.join(", "));
+    Ok(noted(&gaussians, Format::SogFolder, folder, last))
 }
 
 /// Says that the file is there, and its size.

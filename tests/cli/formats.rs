@@ -27,6 +27,19 @@ fn cameras_become_a_scene_again() {
 }
 
 #[test]
+fn models_become_folders_with_levels_of_detail() {
+    let (sandbox, _) = Sandbox::with_trained();
+    let outcome = sandbox.succeeds("export model --streamed levels");
+    assert!(outcome.stderr.contains("levels written, Gaussians of each level of detail: "), "{outcome}");
+    sandbox.succeeds("export model -o a.ply");
+    let read = |name: &str| read_gaussians(&sandbox.path(name)).unwrap().len();
+    assert_eq!(read("levels/lod-meta.json"), read("a.ply"));
+    sandbox.fails("export model --streamed levels", &["levels is not empty", "--overwrite"]);
+    sandbox.succeeds("export model --streamed levels --overwrite");
+    sandbox.run("export model --streamed other --plain").assert_failure(2, &["--streamed", "--plain"]);
+}
+
+#[test]
 fn models_become_files_of_every_format() {
     let (sandbox, _) = Sandbox::with_trained();
     sandbox.succeeds("export model -o a.ply");

@@ -13,7 +13,8 @@ mod tags;
 pub use error::SceneError;
 pub use formats::packed;
 pub use formats::{
-    Format, Loss, SpzVersion, Steps, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians, write_spz,
+    Format, Loss, SpzVersion, Steps, is_gaussians, read_gaussians, read_gaussians_from, write_gaussians,
+    write_sog_folder, write_spz,
 };
 pub use gaussians::{Gaussians, MAX_SH_DEGREE, SH_C0};
 pub use init::from_points;

@@ -141,3 +141,55 @@ fn version_1_that_lies() {
     );
     assert!(refused(&|meta| meta["shN"]["files"][1] = json!("none")).contains("`none` cannot be read"));
 }
+
+/// A streamed one with a folder and an archive, of another degree, at its level 0.
+fn streamed(first: &Gaussians, second: &Gaussians, change: impl Fn(&mut Value)) -> TempDir {
+    let folder = tempfile::tempdir().unwrap();
+    zip::ZipArchive::new(Cursor::new(bytes_of(first, Format::Sog)))
+        .unwrap()
+        .extract(folder.path().join("0_0"))
+        .unwrap();
+    fs::write(folder.path().join("second.sog"), bytes_of(second, Format::Sog)).unwrap();
+    let part = |file: usize| json!({"file": file, "offset": 0, "count": 1});
+    let mut meta = json!({
+        "version": 1, "lodLevels": 2, "filenames": ["none/meta.json", "second.sog", "0_0/meta.json"],
+        "tree": {"children": [{"lods": {"0": part(2), "1": part(0)}}, {"lods": {"0": part(1)}}, {"lods": {"0": part(2)}}]},
+    });
+    change(&mut meta);
+    fs::write(folder.path().join("lod-meta.json"), meta.to_string()).unwrap();
+    folder
+}
+
+#[test]
+fn a_streamed_one_is_read_in_full_detail() {
+    let [first, second] = [random_gaussians(60, 2, 10), random_gaussians(40, 0, 11)];
+    let folder = streamed(&first, &second, |_| ());
+    let found = read_gaussians(&folder.path().join("lod-meta.json")).unwrap();
+    let [first, second] = [&first, &second].map(|g| read(&bytes_of(g, Format::Sog), "a.sog").unwrap());
+    assert_eq!((found.len(), found.sh_degree), (100, 2), "each file once");
+    assert_eq!(found.means, [first.means.clone(), second.means.clone()].concat());
+    let sky = streamed(&first, &second, |meta| {
+        meta["environment"] = json!("second.sog");
+        meta["tree"] = meta["tree"]["children"][0].take();
+    });
+    assert_eq!(read_gaussians(&sky.path().join("lod-meta.json")).unwrap(), found);
+}
+
+#[test]
+fn streamed_ones_that_lie() {
+    let g = random_gaussians(60, 1, 12);
+    let refused = |change: &dyn Fn(&mut Value)| {
+        let folder = streamed(&g, &g, change);
+        let text = read_gaussians(&folder.path().join("lod-meta.json")).map(|g| g.len()).unwrap_err().to_string();
+        assert!(text.contains("lod-meta.json") && !text.contains('\n'), "{text}");
+        text
+    };
+    assert!(refused(&|meta| meta["version"] = json!(2)).contains("version 2"));
+    assert!(refused(&|meta| meta["tree"] = json!({"children": []})).contains("no files of level 0"));
+    assert!(refused(&|meta| meta["tree"] = Value::Null).contains("its text is wrong"));
+    assert!(refused(&|meta| meta["filenames"] = json!(["a", "b"])).contains("the file 2 of 2"));
+    assert!(refused(&|meta| meta["filenames"][2] = json!("../meta.json")).contains("`../meta.json` leads out"));
+    assert!(refused(&|meta| meta["environment"] = json!("/etc/passwd")).contains("leads out of its folder"));
+    assert!(refused(&|meta| meta["filenames"][2] = json!("lod-meta.json")).contains("in its `lod-meta.json`"));
+    assert!(refused(&|meta| meta["filenames"][2] = json!("none.sog")).contains("`none.sog` cannot be read"));
+}

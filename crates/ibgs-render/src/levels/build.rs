@@ -148,7 +148,7 @@ struct Merged {
 }
 
 /// The rotation of a Gaussian; none where its quaternion is zero, which the rasterizer does not show.
-fn axes_of([w, x, y, z]: [f32; 4]) -> DMat3 {
+pub(super) fn axes_of([w, x, y, z]: [f32; 4]) -> DMat3 {
     let quaternion = DQuat::from_xyzw(x.into(), y.into(), z.into(), w.into());
     DMat3::from_quat(if quaternion.length_squared() > 0.0 { quaternion.normalize() } else { DQuat::IDENTITY })
 }
@@ -163,7 +163,7 @@ fn area(s: DVec3) -> f64 {
     s.x * s.y + s.y * s.z + s.z * s.x
 }
 
-fn scales_of(all: &Gaussians, i: u32) -> DVec3 {
+pub(super) fn scales_of(all: &Gaussians, i: u32) -> DVec3 {
     Vec3::from(all.log_scales[i as usize]).min(Vec3::splat(MOST_LOG_SCALE)).as_dvec3().exp()
 }
 

@@ -7,10 +7,12 @@ mod build;
 mod cut;
 mod file;
 mod stream;
+mod streamed;
 
 pub use build::{CHUNK, build};
 pub use file::{Levels, Tree, write};
 pub use stream::{Loading, Stream, slots};
+pub use streamed::write_streamed;
 
 use glam::Vec3;
 use serde::{Deserialize, Serialize};

@@ -20,6 +20,7 @@ mod sog;
 mod sog_meta;
 mod sog_parts;
 mod sog_read;
+mod sog_streamed;
 mod splat;
 mod spz;
 mod spz_read;
@@ -32,9 +33,9 @@ mod usda_text;
 
 pub(super) use finite::{Dropped, is_rotation, make_finite};
 pub(super) use gltf_nodes::turn_each;
-pub use spz::{SpzVersion, write_spz};
 #[cfg(test)]
 pub(super) use {gltf_nodes::basis, tests::random};
+pub use {sog::write_sog_folder, spz::SpzVersion, spz::write_spz};
 
 use super::{Gaussians, MAX_SH_DEGREE, PlyFlavor, SceneError, ply};
 use crate::files;
@@ -79,7 +80,7 @@ formats! {
     GltfText => gltf::TEXT,
     /// PlayCanvas' SOG: lossless WebP pictures in a ZIP archive; written in version 2, read in versions 1 and 2.
     Sog => sog::ROW,
-    /// SOG as a `meta.json` with its pictures beside it; read only.
+    /// SOG as a `meta.json` with its pictures beside it, or a `lod-meta.json` with several such folders; read only.
     SogFolder => sog::FOLDER,
     /// The format of GaussianSplats3D; read only.
     Ksplat => ksplat::ROW,

@@ -1,4 +1,4 @@
-//! PlayCanvas' SOG, version 2 (developer.playcanvas.com, "The SOG Format"), as one ZIP archive; writing.
+//! PlayCanvas' SOG, version 2 (developer.playcanvas.com, "The SOG Format"), as one ZIP archive or as a folder; writing.
 //!
 //! `meta.json` and lossless WebP pictures with a pixel a Gaussian: positions as 16 bits of sign(x) ln(1 + |x|) between bounds
 //! in two pictures, the smallest three components of the quaternion as bytes with the place of the largest in alpha, scales
@@ -6,14 +6,16 @@
 //! entry of a palette of up to 65,536 rows, whose numbers are places in a third codebook. Axes are those of 3DGS, as the
 //! programs of the format's authors have them.
 
-use super::super::Gaussians;
+use super::super::{Gaussians, SceneError};
 use super::palette::{Codebook, Palette};
-use super::{MAX_SH_DEGREE, Steps, Writer, Writing, axes, order, quantise, sog_read};
+use super::{MAX_SH_DEGREE, Steps, Writer, Writing, axes, order, quantise, sog_read, sog_streamed};
+use crate::files::write_atomically;
 use crate::stored_zip;
 use image_webp::{ColorType, WebPEncoder};
 use serde_json::{Value, json};
 use std::f64::consts::SQRT_2;
 use std::io::{self, Cursor};
+use std::path::Path;
 
 pub(super) const ROW: super::Row = super::Row {
     name: "SOG (PlayCanvas)",
@@ -35,7 +37,7 @@ pub(super) const FOLDER: super::Row = super::Row {
     ending: "meta.json",
     marks: &[],
     writing: Writing::Never,
-    read: Some(sog_read::read_folder),
+    read: Some(sog_streamed::read_folder),
     ..ROW
 };
 
@@ -60,41 +62,52 @@ pub(super) const HARMONICS: &str = "shN_";
 /// Largest value of a position.
 pub(super) const MOST_POSITION: u32 = 65_535;
 
-/// The bytes of a file with the Gaussians in an order.
+/// The bytes of an archive with the Gaussians in an order.
 ///
 /// # Errors
 /// Why the format cannot hold the model.
 pub(super) fn encode(g: &Gaussians, order: Vec<usize>) -> Result<Vec<u8>, String> {
+    let (meta, files) = parts(g, order)?;
+    let mut out = Cursor::new(Vec::new());
+    let written = stored_zip::write(&mut out, |zip| {
+        stored_zip::add(zip, "meta.json", meta.as_bytes())?;
+        files.iter().try_for_each(|(name, bytes)| stored_zip::add(zip, name, bytes))
+    });
+    written.map(|()| out.into_inner()).map_err(|error| error.to_string())
+}
+
+/// Writes a folder with parts of a model one after the other, their Gaussians in an order of the part's own: `meta.json` at
+/// `path`, the pictures beside it.
+///
+/// # Errors
+/// [`SceneError::CannotHold`] where they are too many, and [`SceneError::Write`].
+pub fn write_sog_folder(path: &Path, model: &[Gaussians]) -> Result<(), SceneError> {
+    let all = Gaussians::joined(model.to_vec());
+    let mut order = Vec::with_capacity(all.len());
+    for part in model {
+        let first = order.len();
+        order.extend(order::morton(part).into_iter().map(|row| first + row));
+    }
+    let (meta, files) =
+        parts(&all, order).map_err(|reason| SceneError::CannotHold { path: path.to_owned(), reason })?;
+    for (name, bytes) in files {
+        write_atomically(&path.with_file_name(name), |out| out.write_all(&bytes))?;
+    }
+    write_atomically(path, |out| out.write_all(meta.as_bytes()))?;
+    Ok(())
+}
+
+/// The text of the `meta.json` of Gaussians in an order, and the pictures with their names.
+fn parts(g: &Gaussians, order: Vec<usize>) -> Result<(String, Files), String> {
     let width = ((g.len() as f64).sqrt() as usize + 1).next_multiple_of(4);
     let height = g.len().div_ceil(width);
     if width > MOST_SIDE {
         return Err(format!("a SOG file holds up to {} Gaussians, the model has {}", MOST_SIDE * MOST_SIDE, g.len()));
     }
-    archive(&Planes { g, order, width, height }).map_err(|error| error.to_string())
+    Planes { g, order, width, height }.encode().map_err(|error| error.to_string())
 }
 
-fn archive(planes: &Planes) -> io::Result<Vec<u8>> {
-    let mut files = Files::new();
-    let mut meta = json!({"version": 2, "asset": {"generator": "ibgs"}, "count": planes.g.len()});
-    if planes.g.antialiased {
-        meta["model"] = json!(ANTIALIASED);
-    }
-    planes.means(&mut meta, &mut files)?;
-    planes.rotations(&mut meta, &mut files)?;
-    planes.scales(&mut meta, &mut files)?;
-    planes.colors(&mut meta, &mut files)?;
-    if planes.g.sh_degree > 0 {
-        planes.harmonics(&mut meta, &mut files)?;
-    }
-    let mut out = Cursor::new(Vec::new());
-    stored_zip::write(&mut out, |zip| {
-        stored_zip::add(zip, "meta.json", meta.to_string().as_bytes())?;
-        files.iter().try_for_each(|(name, bytes)| stored_zip::add(zip, name, bytes))
-    })?;
-    Ok(out.into_inner())
-}
-
-type Files<'a> = Vec<(&'a str, Vec<u8>)>;
+type Files = Vec<(&'static str, Vec<u8>)>;
 
 /// The Gaussians as pixels.
 struct Planes<'a> {
@@ -105,6 +118,22 @@ struct Planes<'a> {
 }
 
 impl Planes<'_> {
+    fn encode(&self) -> io::Result<(String, Files)> {
+        let mut files = Files::new();
+        let mut meta = json!({"version": 2, "asset": {"generator": "ibgs"}, "count": self.g.len()});
+        if self.g.antialiased {
+            meta["model"] = json!(ANTIALIASED);
+        }
+        self.means(&mut meta, &mut files)?;
+        self.rotations(&mut meta, &mut files)?;
+        self.scales(&mut meta, &mut files)?;
+        self.colors(&mut meta, &mut files)?;
+        if self.g.sh_degree > 0 {
+            self.harmonics(&mut meta, &mut files)?;
+        }
+        Ok((meta.to_string(), files))
+    }
+
     /// A picture with a pixel for each Gaussian.
     fn picture(&self, pixel: impl Fn(usize) -> [u8; 4]) -> io::Result<Vec<u8>> {
         let mut rgba: Vec<u8> = self.order.iter().flat_map(|&index| pixel(index)).collect();

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use zip::ZipArchive;
 
 /// Largest `meta.json`.
-const MOST_META: u64 = 1 << 20;
+pub(super) const MOST_META: u64 = 1 << 20;
 
 pub(super) struct Picture {
     pub(super) width: usize,
@@ -125,13 +125,19 @@ impl<'a> Parts<'a> {
     }
 }
 
-/// A file of a folder; its name leads into no other one.
-fn open(folder: &Path, name: &str) -> Result<File, String> {
-    let inside = names::inside(name, |_| false)
-        .ok_or_else(|| format!("its `{}` leads out of its folder", name.escape_debug()))?;
-    File::open(folder.join(inside.name)).map_err(|error| unreadable(name, &error))
+/// The name of a file in its folder.
+///
+/// # Errors
+/// It leads out of it.
+pub(super) fn inside(name: &str) -> Result<String, String> {
+    let inside = names::inside(name, |_| false);
+    inside.map(|inside| inside.name).ok_or_else(|| format!("its `{}` leads out of its folder", name.escape_debug()))
 }
 
-fn unreadable(name: &str, error: &dyn std::fmt::Display) -> String {
+fn open(folder: &Path, name: &str) -> Result<File, String> {
+    File::open(folder.join(inside(name)?)).map_err(|error| unreadable(name, &error))
+}
+
+pub(super) fn unreadable(name: &str, error: &dyn std::fmt::Display) -> String {
     format!("its `{}` cannot be read ({error})", name.escape_debug())
 }
