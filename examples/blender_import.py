@@ -82,7 +82,8 @@ def add_cameras(records, photos, origin):
         photo = photos / record["img_name"] if photos else None
         if photo and photo.is_file():
             behind = camera.background_images.new()
-            behind.image = bpy.data.images.load(str(photo), check_existing=True)
+            # A name from here would not hold in a saved file.
+            behind.image = bpy.data.images.load(str(photo.resolve()), check_existing=True)
             camera.show_background_images = True
     return made
 
