@@ -10,7 +10,7 @@ use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
-/// The name of the file with the tree.
+/// How names of files with the tree end.
 const STREAMED: &str = "lod-meta.json";
 /// The key of the level with full detail.
 const FULL: &str = "0";
@@ -50,7 +50,8 @@ impl Region {
 /// # Errors
 /// What is wrong.
 pub(super) fn read_folder(text: &[u8], path: &Path) -> Result<Gaussians, String> {
-    match path.file_name().is_some_and(|name| name.eq_ignore_ascii_case(STREAMED)) {
+    let name = path.file_name().unwrap_or_default().to_string_lossy().to_ascii_lowercase();
+    match name.ends_with(STREAMED) {
         true => streamed(text, path.parent().unwrap_or(Path::new(""))),
         false => sog_read::read_folder(text, path),
     }
