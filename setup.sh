@@ -5,7 +5,7 @@ cd "$(dirname "${BASH_SOURCE[0]}")"
 
 VULKAN_PACKAGES=(libvulkan1 mesa-vulkan-drivers)
 # What the Python package is installed and tested with.
-PYTHON_PACKAGES=(python3-venv python3-numpy python3-pytest)
+PYTHON_PACKAGES=(python3-venv python3-numpy python3-pil python3-pytest)
 # Programs of `ibgs prepare`, each in the package of its name; none without --photos.
 PHOTO_PROGRAMS=()
 

@@ -4,7 +4,7 @@ use crate::arrays::array;
 use crate::camera::{Pose, View};
 use crate::errors::{raised, refused};
 use crate::gaussians::Gaussians;
-use crate::options::of_table;
+use crate::options::{of_table, word};
 use ibgs::commands::train::demo::MAKE_DEMO;
 use ibgs_core::camera::Camera;
 use ibgs_core::eval::scores::score_test_views;
@@ -13,6 +13,7 @@ use ibgs_core::inspect::{Inspection, Verdict};
 use ibgs_core::model::{self, ModelOptions};
 use ibgs_core::output::results::{ViewScore, means};
 use ibgs_core::render::{Frame, Rendered, Renderer};
+use ibgs_core::residual::Precision;
 use pyo3::prelude::*;
 use pyo3::types::{PyDict, PyList};
 use std::path::PathBuf;
@@ -134,15 +135,24 @@ pub fn named<'py>(py: Python<'py>, outputs: &[String], images: Vec<Image>) -> Py
 impl Model {
     /// Opens a model folder or a bundle.
     #[staticmethod]
-    #[pyo3(signature = (path, *, iteration = None, source = None, adapter = None))]
+    #[pyo3(signature = (path, *, iteration = None, source = None, precision = "full", adapter = None))]
     fn open(
         py: Python<'_>,
         path: PathBuf,
         iteration: Option<u32>,
         source: Option<PathBuf>,
+        precision: &str,
         adapter: Option<String>,
     ) -> PyResult<Self> {
-        let options = ModelOptions { iteration, source, make_scene: Some(MAKE_DEMO), ..ModelOptions::default() };
+        let precision: Precision = word("precision", precision)?;
+        let options = ModelOptions {
+            iteration,
+            source,
+            precision,
+            harmonics: precision.of_colors(),
+            make_scene: Some(MAKE_DEMO),
+            ..ModelOptions::default()
+        };
         py.detach(|| {
             let model = model::Model::open(&path, &options).map_err(raised)?;
             let gpu = open_gpu(adapter, Use::Rendering)?;

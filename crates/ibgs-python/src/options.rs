@@ -1,7 +1,7 @@
 //! Options of a training as keyword arguments: the fields of the options file, with `_` in place of `-`, tables as dictionaries.
 
 use crate::errors::refused;
-use ibgs_core::config::{Preset, TrainConfig};
+use ibgs_core::config::TrainConfig;
 use pyo3::prelude::*;
 use pyo3::types::{PyBool, PyDict, PyFloat, PyInt, PyList, PyString};
 use serde::de::DeserializeOwned;
@@ -15,16 +15,18 @@ const TEXTS: [&str; 1] = ["resolution"];
 #[pyfunction]
 #[pyo3(signature = (preset = "default"))]
 pub fn defaults<'py>(py: Python<'py>, preset: &str) -> PyResult<Bound<'py, PyDict>> {
-    of_table(py, &Table::try_from(TrainConfig::preset(named(preset)?)).map_err(|error| refused(error.to_string()))?)
+    let options = TrainConfig::preset(word("preset", preset)?);
+    of_table(py, &Table::try_from(options).map_err(|error| refused(error.to_string()))?)
 }
 
 /// The options of a preset, changed by keyword arguments.
 pub fn config(preset: &str, changes: Option<&Bound<'_, PyDict>>) -> PyResult<TrainConfig> {
-    changed(&TrainConfig::preset(named(preset)?), changes)
+    changed(&TrainConfig::preset(word("preset", preset)?), changes)
 }
 
-fn named(preset: &str) -> PyResult<Preset> {
-    Value::String(preset.to_owned()).try_into().map_err(|error| refused(format!("preset: {}", line(&error))))
+/// One of the words of an option.
+pub fn word<T: DeserializeOwned>(option: &str, text: &str) -> PyResult<T> {
+    Value::String(text.to_owned()).try_into().map_err(|error| refused(format!("{option}: {}", line(&error))))
 }
 
 /// Options, changed by keyword arguments.

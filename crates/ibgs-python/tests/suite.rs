@@ -31,9 +31,9 @@ fn the_package_passes_its_tests() {
 fn python() -> &'static str {
     let has_all = |python: &&str| {
         let mut probe = Command::new(python);
-        probe.args(["-c", "import numpy, pytest"]).stderr(Stdio::null());
+        probe.args(["-c", "import numpy, PIL, pytest"]).stderr(Stdio::null());
         probe.status().is_ok_and(|status| status.success())
     };
     let found = ["python3", "/usr/bin/python3", "python"].into_iter().find(has_all);
-    found.expect("no Python has numpy and pytest; `./setup.sh` installs both on Debian and Ubuntu")
+    found.expect("no Python has numpy, Pillow and pytest; `./setup.sh` installs them on Debian and Ubuntu")
 }

@@ -4,6 +4,7 @@ import pathlib
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import ibgs
 
@@ -65,6 +66,19 @@ def test_a_model_renders_as_the_command_line_does(folder, tmp_path):
     pixel = model.inspect(held_out[0], 80, 60)
     assert np.allclose(pixel["base"], images["base"][60, 80])
     assert model.inspect(held_out[0], 10_000, 0) is None
+
+
+@pytest.mark.parametrize("precision", ["full", "auto"])
+def test_pictures_are_those_of_the_command_line(folder, tmp_path, precision):
+    ibgs.run(["render", str(folder), "--outputs", "final,base", "--precision", precision, "-o", str(tmp_path)])
+    model = ibgs.Model.open(folder, precision=precision)
+    for view in [view for view in model.views if view.split == "test"]:
+        images = model.render(view, ["final", "base"])
+        for name, place in [("final", "renders_aggregate"), ("base", "renders")]:
+            written = np.asarray(Image.open(tmp_path / "test/ours_14" / place / view.name))
+            assert np.array_equal(ibgs.to_uint8(images[name]), written), (view.name, name)
+    with pytest.raises(ibgs.Error, match="precision: .*half"):
+        ibgs.Model.open(folder, precision="half")
 
 
 def test_gaussians_are_read_changed_and_written(folder, tmp_path):

@@ -6,11 +6,11 @@ import sys
 
 import numpy as np
 import pytest
+from PIL import Image
 
 import ibgs
 
 pytest.importorskip("nerfstudio")
-Image = pytest.importorskip("PIL.Image")
 
 
 def run(program, *arguments):

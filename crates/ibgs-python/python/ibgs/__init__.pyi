@@ -200,9 +200,17 @@ class Model:
 
     @staticmethod
     def open(
-        path: Path, *, iteration: int | None = None, source: Path | None = None, adapter: str | None = None
+        path: Path,
+        *,
+        iteration: int | None = None,
+        source: Path | None = None,
+        precision: Literal["full", "auto"] = "full",
+        adapter: str | None = None,
     ) -> Model:
-        """Opens a model folder or a bundle. `source` is the scene's folder, if it has moved since the training."""
+        """Opens a model folder or a bundle. `source` is the scene's folder, if it has moved since the training.
+
+        `precision` is that of `ibgs render`, whose default is `auto`: colours in half precision, and the network too where that is faster.
+        """
     @property
     def views(self) -> list[View]: ...
     @property
