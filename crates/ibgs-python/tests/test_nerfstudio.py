@@ -4,9 +4,7 @@ import json
 import subprocess
 import sys
 
-import numpy as np
 import pytest
-from PIL import Image
 
 import ibgs
 
@@ -19,25 +17,10 @@ def run(program, *arguments):
     assert done.returncode == 0, done.stdout[-3000:]
 
 
-def test_nerfstudio_trains_and_measures_as_ibgs_does(tmp_path):
-    demo, scene, frames = ibgs.Scene.demo(), tmp_path / "scene", []
-    (scene / "images").mkdir(parents=True)
-    for view in demo.views:
-        camera, pose = view.camera, np.eye(4)
-        pose[:3, :3], pose[:3, 3] = camera.rotation.T @ np.diag([1, -1, -1]), camera.center
-        Image.fromarray(demo.photo(view.name)[..., :3]).save(scene / "images" / view.name)
-        lens = {"w": camera.width, "h": camera.height, "fl_x": camera.focal[0], "fl_y": camera.focal[1]}
-        lens |= {"cx": camera.principal[0], "cy": camera.principal[1]}
-        frames.append({"file_path": f"images/{view.name}", "transform_matrix": pose.tolist(), **lens})
-    properties = [f"property float {axis}" for axis in "xyz"] + [f"property uchar {color}" for color in ["red", "green", "blue"]]
-    header = ["ply", "format ascii 1.0", f"element vertex {len(demo.points)}", *properties, "end_header"]
-    rows = [" ".join(map(str, [*point, *color])) for point, color in zip(demo.points, demo.colors)]
-    (scene / "points.ply").write_text("\n".join([*header, *rows, ""]))
-    described = {"camera_model": "PINHOLE", "ply_file_path": "points.ply", "frames": frames}
-    (scene / "transforms.json").write_text(json.dumps(described))
+def test_nerfstudio_trains_and_measures_as_ibgs_does(scene_folder, tmp_path):
     options = ["--vis", "tensorboard", "--machine.device-type", "cpu", "--output-dir", tmp_path, "--timestamp", "now"]
-    run("train", "ibgs", "--data", scene, "--max-num-iterations", 14, *options)
-    own = tmp_path / "scene/ibgs/now"
+    run("train", "ibgs", "--data", scene_folder, "--max-num-iterations", 14, *options)
+    own = tmp_path / scene_folder.name / "ibgs/now"
     run("eval", "--load-config", own / "config.yml", "--output-path", tmp_path / "scores.json")
     theirs = json.loads((tmp_path / "scores.json").read_text())["results"]
     scores = ibgs.Model.open(own / "ibgs").evaluate()["final"]
