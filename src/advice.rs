@@ -153,7 +153,7 @@ fn advice(error: AnyError) -> Option<String> {
         .or_else(|| scene(error.downcast_ref()?))
         .or_else(|| gpu(error.downcast_ref()?))
         .or_else(|| match error.downcast_ref()? {
-            SceneError::NoGaussians => Some("export it without `--levels`"),
+            SceneError::NoGaussians => Some("export it without levels of detail (`--levels`, `--streamed`)"),
             _ => None,
         })
         .or_else(|| match error.downcast_ref()? {
