@@ -84,7 +84,8 @@ class IbgsModel(Model):
         named = {
             "rgb": images["final"].clip(0, 1),
             "base": images["base"].clip(0, 1),
-            "residual": images["residual"],
+            # Grey where it changes nothing.
+            "residual": (0.5 + images["residual"]).clip(0, 1),
             "depth": images["depth"][..., None] * np.float32(self.alignment.scale),
             # Where there is a depth.
             "accumulation": (images["depth"][..., None] > 0).astype(np.float32),
