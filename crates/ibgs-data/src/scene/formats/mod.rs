@@ -31,8 +31,7 @@ mod usda;
 mod usda_read;
 mod usda_text;
 
-pub(super) use finite::{Dropped, is_rotation, make_finite};
-pub(super) use gltf_nodes::turn_each;
+pub(super) use {finite::Dropped, finite::is_rotation, finite::make_finite, gltf_nodes::turn_each};
 #[cfg(test)]
 pub(super) use {gltf_nodes::basis, tests::random};
 pub use {sog::write_sog_folder, spz::SpzVersion, spz::write_spz};
@@ -80,7 +79,7 @@ formats! {
     GltfText => gltf::TEXT,
     /// PlayCanvas' SOG: lossless WebP pictures in a ZIP archive; written in version 2, read in versions 1 and 2.
     Sog => sog::ROW,
-    /// SOG as a `meta.json` with its pictures beside it, or a `lod-meta.json` with several such folders; read only.
+    /// SOG as a `meta.json` with its pictures beside it, or the `lod-meta.json` of several; read only.
     SogFolder => sog::FOLDER,
     /// The format of GaussianSplats3D; read only.
     Ksplat => ksplat::ROW,
