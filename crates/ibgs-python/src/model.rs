@@ -104,6 +104,34 @@ impl Image {
         })
     }
 
+    /// An output of many frames, into which they are put one after the other.
+    fn of_many(self, frames: usize) -> Self {
+        fn longer<T>(mut values: Vec<T>, mut shape: Vec<usize>, frames: usize) -> (Vec<T>, Vec<usize>) {
+            values.reserve_exact(values.len() * (frames - 1));
+            shape.insert(0, frames);
+            (values, shape)
+        }
+        match self {
+            Self::Floats(values, shape) => {
+                let (values, shape) = longer(values, shape, frames);
+                Self::Floats(values, shape)
+            }
+            Self::Counts(values, shape) => {
+                let (values, shape) = longer(values, shape, frames);
+                Self::Counts(values, shape)
+            }
+        }
+    }
+
+    /// Puts the same output of the next frame behind it.
+    fn append(&mut self, next: Self) {
+        match (self, next) {
+            (Self::Floats(all, _), Self::Floats(values, _)) => all.extend(values),
+            (Self::Counts(all, _), Self::Counts(values, _)) => all.extend(values),
+            _ => unreachable!("an output is of one kind"),
+        }
+    }
+
     /// As an array that takes its memory.
     pub fn into_array(self, py: Python<'_>) -> PyResult<Bound<'_, PyAny>> {
         Ok(match self {
@@ -206,6 +234,36 @@ impl Model {
         let camera = camera.camera();
         let images = py.detach(|| self.images(&camera, &outputs))?;
         named(py, &outputs, images)
+    }
+
+    /// Renders cameras of one size.
+    #[pyo3(signature = (cameras, outputs = vec!["final".to_owned()]))]
+    fn render_many<'py>(
+        &self,
+        py: Python<'py>,
+        cameras: Vec<Pose<'py>>,
+        outputs: Vec<String>,
+    ) -> PyResult<Bound<'py, PyDict>> {
+        check(&outputs)?;
+        let cameras: Vec<Camera> = cameras.iter().map(Pose::camera).collect();
+        let size = |camera: &Camera| [camera.width, camera.height];
+        let Some(first) = cameras.first() else { return Err(refused("no cameras are given")) };
+        if let Some(other) = cameras.iter().find(|camera| size(camera) != size(first)) {
+            let [[w, h], [w2, h2]] = [first, other].map(size);
+            return Err(refused(format!(
+                "cameras of one size can be rendered together, not {w} x {h} and {w2} x {h2}"
+            )));
+        }
+        let mut all: Vec<Image> = Vec::new();
+        for camera in &cameras {
+            let images = py.detach(|| self.images(camera, &outputs))?;
+            py.check_signals()?;
+            match all.is_empty() {
+                true => all = images.into_iter().map(|image| image.of_many(cameras.len())).collect(),
+                false => all.iter_mut().zip(images).for_each(|(all, image)| all.append(image)),
+            }
+        }
+        named(py, &outputs, all)
     }
 
     /// What a pixel shows, and what each source photo says about it.

@@ -68,6 +68,21 @@ def test_a_model_renders_as_the_command_line_does(folder, tmp_path):
     assert model.inspect(held_out[0], 10_000, 0) is None
 
 
+def test_many_cameras_are_rendered_in_one_call(folder):
+    model = ibgs.Model.open(folder)
+    views = model.views[:3]
+    outputs = ["final", "depth", "visibility"]
+    many = model.render_many(views, outputs)
+    for output in outputs:
+        each = np.stack([model.render(view, [output])[output] for view in views])
+        assert many[output].dtype == each.dtype and np.array_equal(many[output], each), output
+    other = ibgs.Camera(32, 24, focal=(30.0, 30.0), rotation=np.eye(3), translation=[0.0, 0.0, 4.0])
+    with pytest.raises(ibgs.Error, match="cameras of one size .* 32 x 24"):
+        model.render_many([views[0], other])
+    with pytest.raises(ibgs.Error, match="no cameras"):
+        model.render_many([])
+
+
 @pytest.mark.parametrize("precision", ["full", "auto"])
 def test_pictures_are_those_of_the_command_line(folder, tmp_path, precision):
     ibgs.run(["render", str(folder), "--outputs", "final,base", "--precision", precision, "-o", str(tmp_path)])

@@ -232,6 +232,8 @@ class Model:
         the median depth in scene units, float32, [height, width], 0 where nothing is met; `visibility` is the number of sources used,
         uint32, [height, width]. `final` of a model without a residual network is its base image.
         """
+    def render_many(self, cameras: Sequence[Camera | View], outputs: Sequence[Output] = ["final"]) -> dict[str, NDArray[Any]]:
+        """Renders cameras of one size: as `render`, with the arrays of all cameras stacked, [cameras, height, width, ...]."""
     def inspect(self, camera: Camera | View, x: int, y: int) -> dict[str, Any] | None:
         """What a pixel shows, and what each source photo says about it; none outside of the image."""
     def evaluate(self) -> dict[str, Any]:
