@@ -1,12 +1,11 @@
 //! From photos to a scene: what the window asks for, and how it follows that.
 
-use crate::worker::Message;
-use eframe::egui::{Context, ProgressBar};
+use crate::worker::{Message, Post};
+use eframe::egui::ProgressBar;
 use ibgs_core::progress::{Progress, duration};
 use std::path::PathBuf;
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::Sender;
 use web_time::Instant;
 
 /// A scene that is to be made of photos; all else is at its default.
@@ -42,14 +41,13 @@ pub enum Sign {
 
 /// Reports a preparation to the window.
 pub struct Watch {
-    messages: Sender<Message>,
-    window: Context,
+    post: Post,
     stop: Arc<AtomicBool>,
 }
 
 impl Watch {
-    pub(crate) fn new(messages: Sender<Message>, window: Context, stop: Arc<AtomicBool>) -> Self {
-        Self { messages, window, stop }
+    pub(crate) fn new(post: Post, stop: Arc<AtomicBool>) -> Self {
+        Self { post, stop }
     }
 
     /// A sentence for the user.
@@ -67,9 +65,7 @@ impl Watch {
     }
 
     pub(crate) fn send(&self, sign: Sign) {
-        // The receiver is gone once the window is closed.
-        let _ = self.messages.send(Message::Preparing(sign));
-        self.window.request_repaint();
+        self.post.send(Message::Preparing(sign));
     }
 }
 

@@ -6,7 +6,7 @@ mod frame;
 mod messages;
 mod training;
 
-pub use messages::{Command, KeyframeRequest, Message, ModelFacts, Rendered, Request, Sheet};
+pub use messages::{Command, KeyframeRequest, Message, ModelFacts, Post, Rendered, Request, Sheet};
 
 use crate::edit_work::{EditWork, EditedRenderers};
 use crate::film::Shoot;
@@ -20,7 +20,7 @@ use ibgs_core::render::Renderer;
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
-use std::sync::mpsc::{Receiver, Sender, channel};
+use std::sync::mpsc::{Receiver, channel};
 use std::sync::{Mutex, PoisonError};
 use std::thread::JoinHandle;
 use web_time::Instant;
@@ -43,7 +43,8 @@ impl Worker {
         let (sender, messages) = channel();
         let stop = Arc::new(AtomicBool::new(false));
         let (opener, aside) = (Arc::new(opener), Mutex::default());
-        let state = WorkerState { gpu, opener, messages: sender, window, stop: stop.clone(), aside };
+        let post = Post { messages: sender, window };
+        let state = WorkerState { gpu, opener, post, stop: stop.clone(), aside };
         #[cfg(target_arch = "wasm32")]
         {
             wasm_bindgen_futures::spawn_local(state.work(received, opened));
@@ -84,8 +85,7 @@ impl Drop for Worker {
 struct WorkerState {
     gpu: Arc<Gpu>,
     opener: Arc<dyn Open>,
-    messages: Sender<Message>,
-    window: egui::Context,
+    post: Post,
     stop: Arc<AtomicBool>,
     /// Threads that make scenes of photos and write models for others.
     aside: Mutex<Vec<JoinHandle<()>>>,
@@ -166,9 +166,7 @@ impl Work {
 
 impl WorkerState {
     fn send(&self, message: Message) {
-        // The receiver is gone once the window is closed.
-        let _ = self.messages.send(message);
-        self.window.request_repaint();
+        self.post.send(message);
     }
 
     fn status(&self, what: &str) {
@@ -249,11 +247,8 @@ impl WorkerState {
 
     fn open(&self, work: &mut Work, wanted: &OpenRequest) {
         self.status("opening");
-        let (messages, window) = (&self.messages, &self.window);
-        let status = |what: &str| {
-            let _ = messages.send(Message::Doing(what.to_owned()));
-            window.request_repaint();
-        };
+        let post = &self.post;
+        let status = |what: &str| post.send(Message::Doing(what.to_owned()));
         match self.opener.open(wanted, &self.gpu, &status) {
             Ok(Outcome::Opened(opened)) => {
                 self.end(work);
@@ -317,7 +312,7 @@ impl WorkerState {
 
     /// Makes a scene of photos, on a thread of its own.
     fn prepare(&self, wanted: PhotosRequest) {
-        let watch = Watch::new(self.messages.clone(), self.window.clone(), self.stop.clone());
+        let watch = Watch::new(self.post.clone(), self.stop.clone());
         let opener = self.opener.clone();
         let failed = |sentence| Message::Preparing(Sign::Failed(sentence));
         self.beside(failed, move || {
@@ -338,11 +333,10 @@ impl WorkerState {
 
     /// Does work on a thread of its own, which the end of the window waits for, and sends its message, or that it `failed`.
     fn beside(&self, failed: fn(String) -> Message, work: impl FnOnce() -> Message + Send + 'static) {
-        let (messages, window) = (self.messages.clone(), self.window.clone());
+        let post = self.post.clone();
         let work = move || {
             let done = catch_unwind(AssertUnwindSafe(work));
-            let _ = messages.send(done.unwrap_or_else(|_| failed("it failed by a mistake of this program".to_owned())));
-            window.request_repaint();
+            post.send(done.unwrap_or_else(|_| failed("it failed by a mistake of this program".to_owned())));
         };
         match std::thread::Builder::new().name("beside the window".to_owned()).spawn(work) {
             Ok(thread) => self.aside.lock().unwrap_or_else(PoisonError::into_inner).push(thread),
@@ -370,6 +364,6 @@ impl WorkerState {
         if let Err(error) = work.edit.compare(work.content.as_ref(), work.own_background) {
             self.failed_in(work, &error);
         }
-        self.window.request_repaint();
+        self.post.window.request_repaint();
     }
 }

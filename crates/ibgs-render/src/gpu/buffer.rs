@@ -146,6 +146,11 @@ fn rounded(bytes: u64) -> u64 {
     bytes.max(16).next_multiple_of(16)
 }
 
+/// Refuses more bytes than a limit allows.
+fn fits(what: &'static str, bytes: u64, limit: u64) -> Result<(), GpuError> {
+    if bytes > limit { Err(GpuError::TooLarge { what, bytes, limit }) } else { Ok(()) }
+}
+
 impl Gpu {
     /// A new storage buffer of so many rows, contents zero.
     ///
@@ -158,9 +163,7 @@ impl Gpu {
     /// A new wgpu buffer of at least `bytes`, which may be as many as `limit`.
     fn create(&self, what: &'static str, bytes: u64, limit: u64) -> Result<wgpu::Buffer, GpuError> {
         self.check()?;
-        if bytes > limit {
-            return Err(GpuError::TooLarge { what, bytes, limit });
-        }
+        fits(what, bytes, limit)?;
         let size = rounded(bytes);
         self.bind_groups.clear();
         let create = || {
@@ -209,8 +212,7 @@ impl Gpu {
     /// # Errors
     /// When it cannot.
     pub fn check_size(&self, what: &'static str, bytes: u64) -> Result<(), GpuError> {
-        let limit = self.binding_limit();
-        if bytes > limit { Err(GpuError::TooLarge { what, bytes, limit }) } else { Ok(()) }
+        fits(what, bytes, self.binding_limit())
     }
 
     /// A new storage buffer with the given contents.

@@ -6,6 +6,7 @@ use crate::looks::Look;
 use crate::mode::{Mode, Style};
 use crate::preparing::Sign;
 use crate::{OpenRequest, Opened, PhotosRequest, Scene, ShareRequest};
+use eframe::egui::Context;
 use ibgs_core::camera::Camera;
 use ibgs_core::camera_path::Keyframe;
 use ibgs_core::inspect::Inspection;
@@ -13,7 +14,26 @@ use ibgs_core::output::log::TrainingProgress;
 use ibgs_core::render::Frame;
 use std::path::PathBuf;
 use std::sync::Arc;
+use std::sync::mpsc::Sender;
 use std::time::Duration;
+
+/// The way of messages to the window, from the worker and the threads beside it.
+#[derive(Clone)]
+pub struct Post {
+    /// Where they go.
+    pub messages: Sender<Message>,
+    /// The window.
+    pub window: Context,
+}
+
+impl Post {
+    /// Sends a message, and wakes the window.
+    pub fn send(&self, message: Message) {
+        // The receiver is gone once the window is closed.
+        let _ = self.messages.send(message);
+        self.window.request_repaint();
+    }
+}
 
 /// A frame that is asked for.
 #[derive(Clone, Copy, Debug, PartialEq)]
