@@ -27,9 +27,10 @@ pub const ELLIPSOID_EDGE: f32 = 0.4;
 /// any positive depth counts: depth grows with the inverse of that product and its derivative with the square, so that
 /// float32 has no digits left there and a few such pixels would rule the gradients.
 pub const SLANT_MIN: f32 = 1e-3;
-/// Entries of a tile's list that are sorted in registers at once, four a thread.
-pub const SORT_BLOCK: u32 = 1024;
-const _: () = assert!(SORT_BLOCK.is_power_of_two() && 8 * SORT_BLOCK <= 16384, "runs of blocks; a browser's memory");
+/// Entries of a tile's list that are sorted in registers at once, eight a thread.
+pub const SORT_BLOCK: u32 = 2048;
+const _: () =
+    assert!(SORT_BLOCK.is_power_of_two() && SORT_BLOCK <= 2048, "runs of blocks; eight for each of 256 threads");
 /// Values a workgroup of the prefix sum handles.
 pub const SCAN_BLOCK: u32 = 2048;
 /// First stabiliser of SSIM, 0.01 squared.

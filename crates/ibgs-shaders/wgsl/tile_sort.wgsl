@@ -2,12 +2,11 @@
 #set render
 #stage sort
 // One workgroup a tile: its list by depth. Equal depths come by emission index, which is the order of the Gaussians; as no two
-// entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted in registers
-// (bitonic: every step compares and swaps pairs, the smaller entry to the front), four in a row a thread, or one in short lists.
-// Threads compare through workgroup memory; SUBGROUPS: those of a subgroup without it. Then blocks are merged, two at a time, between
-// the list and the outputs.
+// entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted in registers, then
+// merged, two at a time, between the list and the outputs; where many depths are equal, the entries themselves are merged.
 #import frame
 #import tile_order
+#import sort_block
 
 @group(0) @binding(0) var<storage, read> tile_ranges: array<u32>;
 @group(0) @binding(1) var<storage, read> isect_to_gaussian: array<u32>;
@@ -17,112 +16,18 @@
 @group(0) @binding(3) var<storage, read_write> sorted_gaussians: array<u32>;
 @group(0) @binding(4) var<storage, read_write> sorted_isects: array<u32>;
 
-const THREADS: u32 = SORT_BLOCK / 4u;
-const IN_THREAD = vec4(0u, 1u, 2u, 3u);
-
-// Four entries.
-struct Four {
-    keys: vec4<u32>,
-    isects: vec4<u32>,
-}
-
-var<workgroup> all_keys: array<vec4<u32>, THREADS>;
-var<workgroup> all_isects: array<vec4<u32>, THREADS>;
-
-fn is_before(a: vec2<u32>, b: vec2<u32>) -> bool {
-    return a.x < b.x || (a.x == b.x && a.y < b.y);
-}
-
-// The entries of the thread whose number differs by the bits of `mask`. Every thread calls it, in uniform control flow.
-fn entries_of(own: Four, thread: u32, mask: u32) -> Four {
-    #if SUBGROUPS
-    if mask < LANES {
-        return Four(subgroupShuffleXor(own.keys, mask), subgroupShuffleXor(own.isects, mask));
-    }
-    #endif
-    workgroupBarrier();
-    all_keys[thread] = own.keys;
-    all_isects[thread] = own.isects;
-    workgroupBarrier();
-    return Four(all_keys[thread ^ mask], all_isects[thread ^ mask]);
-}
-
-// Puts in order each entry with the one whose place differs by the bits of `mask`.
-fn put_in_order(own: Four, thread: u32, mask: u32) -> Four {
-    var other = own;
-    if mask >= 4u {
-        other = entries_of(own, thread, mask / 4u);
-    }
-    if (mask & 1u) != 0u {
-        other = Four(other.keys.yxwz, other.isects.yxwz);
-    }
-    if (mask & 2u) != 0u {
-        other = Four(other.keys.zwxy, other.isects.zwxy);
-    }
-    let place = 4u * thread + IN_THREAD;
-    let is_first = place < (place ^ vec4(mask));
-    let precedes = (other.keys < own.keys) | ((other.keys == own.keys) & (other.isects < own.isects));
-    let swap = precedes == is_first;
-    return Four(select(own.keys, other.keys, swap), select(own.isects, other.isects, swap));
-}
-
-// Sorts `count` entries from `start` on. Behind the last one lies what is larger than any, and stays there.
-fn sort_block(thread: u32, start: u32, count: u32) -> Four {
-    var own = Four(vec4(0xffffffffu), vec4(0xffffffffu));
-    #repeat k 4
-    if 4u * thread + $ku < count {
-        let entry = list[start + 4u * thread + $ku];
-        own.keys[$k] = entry.x;
-        own.isects[$k] = entry.y;
-    }
-    #end
-    // Runs of half the size are in order. The first step compares the one run with the other backwards.
-    for (var half = 1u; half < count; half *= 2u) {
-        own = put_in_order(own, thread, 2u * half - 1u);
-        for (var step = half / 2u; step > 0u; step /= 2u) {
-            own = put_in_order(own, thread, step);
+// An entry of a sorted block, to the outputs: its key where blocks will be merged, its Gaussian where it is the only one.
+fn store(word: u32, place: u32, start: u32, count: u32, is_only: bool) {
+    if place < count {
+        let entry = list[start + (word & NUMBER)];
+        let at = start + place_of(place, word, entry, start, count);
+        sorted_isects[at] = entry.y;
+        if is_only {
+            sorted_gaussians[at] = isect_to_gaussian[entry.y];
+        } else {
+            sorted_gaussians[at] = entry.x;
         }
     }
-    return own;
-}
-
-// The entry of the thread whose number differs by the bits of `mask`, as `entries_of`.
-fn entry_of(own: vec2<u32>, thread: u32, mask: u32) -> vec2<u32> {
-    #if SUBGROUPS
-    if mask < LANES {
-        return subgroupShuffleXor(own, mask);
-    }
-    #endif
-    workgroupBarrier();
-    all_keys[thread] = vec4(own, 0u, 0u);
-    workgroupBarrier();
-    return all_keys[thread ^ mask].xy;
-}
-
-fn put_one_in_order(own: vec2<u32>, thread: u32, mask: u32) -> vec2<u32> {
-    let other = entry_of(own, thread, mask);
-    let is_first = thread < (thread ^ mask);
-    return select(own, other, is_before(other, own) == is_first);
-}
-
-// As `sort_block`, at most THREADS entries.
-fn sort_few(thread: u32, start: u32, count: u32) -> vec2<u32> {
-    var own = vec2(0xffffffffu);
-    if thread < count {
-        own = list[start + thread];
-    }
-    for (var half = 1u; half < count; half *= 2u) {
-        own = put_one_in_order(own, thread, 2u * half - 1u);
-        for (var step = half / 2u; step > 0u; step /= 2u) {
-            own = put_one_in_order(own, thread, step);
-        }
-    }
-    return own;
-}
-
-fn store_sorted(at: u32, isect: u32) {
-    sorted_gaussians[at] = isect_to_gaussian[isect];
-    sorted_isects[at] = isect;
 }
 
 fn load(is_list: bool, at: u32) -> vec2<u32> {
@@ -191,33 +96,36 @@ fn main(
     let tile = tile_of(wid);
     let start = tile_ranges[2u * tile];
     let count = tile_ranges[2u * tile + 1u] - start;
-    if count <= THREADS {
-        let own = sort_few(thread, start, count);
-        if thread < count {
-            store_sorted(start + thread, own.y);
-        }
-        return;
+    if thread == 0u {
+        atomicStore(&differing, 0u);
+        atomicStore(&tied, 0u);
     }
-    if count <= SORT_BLOCK {
-        let own = sort_block(thread, start, count);
-        #repeat k 4
-        if 4u * thread + $ku < count {
-            store_sorted(start + 4u * thread + $ku, own.isects[$k]);
-        }
-        #end
-        return;
-    }
+    workgroupBarrier();
+    // Runs that are in order, and where they lie.
+    var sorted = SORT_BLOCK;
+    var is_list = false;
     for (var first = 0u; first < count; first += SORT_BLOCK) {
         let size = min(SORT_BLOCK, count - first);
-        let own = sort_block(thread, start + first, size);
+        let own = sorted_words(thread, start + first, size);
         #repeat k 4
-        if 4u * thread + $ku < size {
-            list[start + first + 4u * thread + $ku] = vec2(own.keys[$k], own.isects[$k]);
-        }
+        store(own.near[$k], OWN * thread + $ku, start + first, size, count <= SORT_BLOCK);
+        store(own.far[$k], OWN * thread + 4u + $ku, start + first, size, count <= SORT_BLOCK);
         #end
+        workgroupBarrier();
+        if thread == 0u {
+            tied_now = atomicLoad(&tied);
+        }
+        if workgroupUniformLoad(&tied_now) == 1u {
+            // The list is as it was.
+            sorted = 1u;
+            is_list = true;
+            break;
+        }
     }
-    var is_list = true;
-    for (var run = SORT_BLOCK; run < count; run *= 2u) {
+    if count <= sorted {
+        return;
+    }
+    for (var run = sorted; run < count; run *= 2u) {
         storageBarrier();
         workgroupBarrier();
         merge(thread, is_list, start, count, run);
@@ -226,6 +134,8 @@ fn main(
     storageBarrier();
     workgroupBarrier();
     for (var i = thread; i < count; i += THREADS) {
-        store_sorted(start + i, load(is_list, start + i).y);
+        let isect = load(is_list, start + i).y;
+        sorted_gaussians[start + i] = isect_to_gaussian[isect];
+        sorted_isects[start + i] = isect;
     }
 }

@@ -15,12 +15,12 @@ pub(super) fn subgroup_lanes(info: &wgpu::AdapterInfo, features: wgpu::Features)
 
 impl Gpu {
     /// Whether `tile_sort`, whose threads exchange what they have within subgroups, sorts two lists whose order is known: one
-    /// with an entry a thread and one with four.
+    /// within a block and one of two.
     ///
     /// # Errors
     /// Not enough memory, or the device failed.
     pub fn sorts_right(&self) -> Result<bool, GpuError> {
-        let (few, all) = (SORT_BLOCK / 4 - 1, SORT_BLOCK / 4 - 1 + SORT_BLOCK);
+        let (few, all) = (SORT_BLOCK / 4 - 1, SORT_BLOCK / 2 - 1 + SORT_BLOCK);
         // Multiplying by an odd number mixes the keys, which stay different.
         let key = |isect: u32| isect.wrapping_mul(0x9e37_79b1);
         let list: Vec<[u32; 2]> = (0..all).map(|isect| [key(isect), isect]).collect();

@@ -1,33 +1,22 @@
 // Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour and transmittance.
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
 // the intersections themselves too. ENTRIES: also the list entries that gradients need. TRANSMITTANCE_BEHIND: the transmittance lies
-// behind the normals. The median depth alone is done with a pixel
-// when its buffer `after` is full. SUBGROUPS: a subgroup walks only the entries that may reach its pixels; the image is the same bit
-// for bit. NARROW: processors have a form of their own.
+// behind the normals. The median depth alone is done with a pixel when its buffer `after` is full. SUBGROUPS: a subgroup walks only
+// the entries that may reach its pixels; the image is the same bit for bit. STRAIGHT: all its lanes take an entry, whether it counts
+// or not, as branches cost more than they leave out. NARROW: processors have a form of their own.
 
 #import tile_order
 #if SUBGROUPS
 #import block
+#if COLOR
+#define STRAIGHT
+#endif
 #endif
 #if NARROW
 #import blend_narrow
 #else
 
-const THREADS: u32 = TILE * TILE;
-// List entries that they load at a time: the less workgroup memory, the more workgroups run at once.
-const BATCH: u32 = 160u;
-// Vectors of a list entry in `batch`: the projected row, of which the last vector is the colour, and the plane.
-#if INTERSECTIONS
-const ENTRY: u32 = 4u;
-#else
-const ENTRY: u32 = 3u;
-#endif
-const COLOR_ROW: u32 = 2u;
-const PLANE_ROW: u32 = ENTRY - 1u;
-
-var<workgroup> batch: array<vec4<f32>, ENTRY * BATCH>;
-var<workgroup> finished: atomic<u32>;
-var<workgroup> finished_now: u32;
+#import blend_batch
 
 @compute @workgroup_size(THREADS)
 fn main(
@@ -49,11 +38,7 @@ fn main(
     let at = vec2<f32>(pixel);
     let start = tile_ranges[2u * tile];
     let end = tile_ranges[2u * tile + 1u];
-    if local == 0u {
-        atomicStore(&finished, 0u);
-        finished_now = 0u;
-    }
-    workgroupBarrier();
+    begin(local);
     var t = 1.0;
     #if COLOR
     var color = vec3(0.0);
@@ -85,12 +70,11 @@ fn main(
     if done {
         atomicAdd(&finished, 1u);
     }
+    #if STRAIGHT
+    var told = done;
+    #endif
     for (var first = start; first < end; first += BATCH) {
-        workgroupBarrier();
-        if local == 0u {
-            finished_now = atomicLoad(&finished);
-        }
-        if workgroupUniformLoad(&finished_now) == THREADS {
+        if all_finished(local) {
             break;
         }
         let k = first + local;
@@ -117,7 +101,11 @@ fn main(
             if subgroupAll(done) {
                 break;
             }
+            #if STRAIGHT
+            while left != 0u {
+            #else
             while left != 0u && !done {
+            #endif
                 let j = group + firstTrailingBit(left);
                 left &= left - 1u;
         #else
@@ -127,6 +115,12 @@ fn main(
                 let a = batch[ENTRY * j];
                 let b = batch[ENTRY * j + 1u];
                 let alpha = min(ALPHA_MAX, b.y * exp(-falloff(a.xy - at, vec3(a.zw, b.x))));
+                #if STRAIGHT
+                let after = t * (1.0 - alpha);
+                let reached = !done & (alpha >= ALPHA_MIN);
+                let counts = reached & (after >= T_MIN);
+                done |= reached & !counts;
+                #else
                 if alpha < ALPHA_MIN {
                     continue;
                 }
@@ -136,13 +130,15 @@ fn main(
                     atomicAdd(&finished, 1u);
                     break;
                 }
-                let weight = alpha * t;
+                const counts = true;
+                #endif
+                let weight = select(0.0, alpha * t, counts);
                 #if COLOR
                 color += weight * batch[ENTRY * j + COLOR_ROW].rgb;
                 #endif
                 #if ENTRIES
                 let entry = first + j - start;
-                last = entry + 1u;
+                last = select(last, entry + 1u, counts);
                 #endif
                 #if PLANES
                 let plane = batch[ENTRY * j + PLANE_ROW];
@@ -150,7 +146,7 @@ fn main(
                 normal += weight * plane.xyz;
                 #endif
                 // Nothing more to do once both buffers are closed.
-                let wanted = t > MEDIAN_T || after_count < half;
+                let wanted = counts & (t > MEDIAN_T || after_count < half);
                 var z = 0.0;
                 if wanted {
                     z = plane_depth(plane, ray);
@@ -177,7 +173,7 @@ fn main(
                     }
                 }
                 #endif
-                t = after;
+                t = select(t, after, counts);
                 #if COLOR
                 #else
                 if after_count == half {
@@ -188,6 +184,12 @@ fn main(
                 #endif
             }
         }
+        #if STRAIGHT
+        if done & !told {
+            told = true;
+            atomicAdd(&finished, 1u);
+        }
+        #endif
     }
     if inside {
         let p = pixel.y * frame.size.x + pixel.x;

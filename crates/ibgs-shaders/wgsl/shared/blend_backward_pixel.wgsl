@@ -143,31 +143,28 @@ fn visit(pixel: ptr<function, Pixel>, k: u32, a: vec4<f32>, b: vec4<f32>, c: vec
 fn visit(pixel: ptr<function, Pixel>, k: u32, a: vec4<f32>, b: vec4<f32>, c: vec4<f32>) -> Visit {
 #endif
     var out: Visit;
-    if k < (*pixel).last {
-        let raw = b.y * exp(-falloff(a.xy - (*pixel).at, vec3(a.zw, b.x)));
-        let alpha = min(ALPHA_MAX, raw);
-        if alpha >= ALPHA_MIN {
-            let over_pass = 1.0 / (1.0 - alpha);
-            let t = (*pixel).t * over_pass;
-            (*pixel).t = t;
-            out.w = alpha * t;
-            var v_weight = dot(c.rgb, (*pixel).v);
-            #if INTERSECTIONS
-            v_weight += dot(plane.xyz, (*pixel).v_normal);
-            if (*pixel).next == k {
-                let intersection = (*pixel).intersection;
-                let v_intersection = (*pixel).v_intersection;
-                v_weight += v_intersection.y + (*pixel).v_median * (intersection.x - (*pixel).median);
-                let v_z = v_intersection.x + (*pixel).v_median * intersection.y;
-                out.h = -v_z * intersection.x * intersection.x / plane.w;
-                next_intersection(pixel);
-            }
-            #endif
-            if raw <= ALPHA_MAX {
-                out.q = alpha * (t * v_weight - (*pixel).behind * over_pass);
-            }
-            (*pixel).behind += out.w * v_weight;
-        }
+    let raw = b.y * exp(-falloff(a.xy - (*pixel).at, vec3(a.zw, b.x)));
+    let reached = min(ALPHA_MAX, raw);
+    // An entry that does not count has no alpha, and changes nothing.
+    let counts = (k < (*pixel).last) & (reached >= ALPHA_MIN);
+    let alpha = select(0.0, reached, counts);
+    let over_pass = 1.0 / (1.0 - alpha);
+    let t = (*pixel).t * over_pass;
+    (*pixel).t = t;
+    out.w = alpha * t;
+    var v_weight = dot(c.rgb, (*pixel).v);
+    #if INTERSECTIONS
+    v_weight += dot(plane.xyz, (*pixel).v_normal);
+    if (*pixel).next == k {
+        let intersection = (*pixel).intersection;
+        let v_intersection = (*pixel).v_intersection;
+        v_weight += v_intersection.y + (*pixel).v_median * (intersection.x - (*pixel).median);
+        let v_z = v_intersection.x + (*pixel).v_median * intersection.y;
+        out.h = -v_z * intersection.x * intersection.x / plane.w;
+        next_intersection(pixel);
     }
+    #endif
+    out.q = select(0.0, alpha * (t * v_weight - (*pixel).behind * over_pass), raw <= ALPHA_MAX);
+    (*pixel).behind += out.w * v_weight;
     return out;
 }
