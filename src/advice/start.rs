@@ -60,6 +60,7 @@ pub fn event(event: &Event) -> Option<String> {
         Event::Slow { .. } => Some(format!(
             "{event}; `--preset fast`, smaller photos (`-r 4`, `-r 8`) and fewer iterations (`--iterations 500`) shorten it"
         )),
+        Event::SmallNetwork(_) => Some(format!("{event}; `--residual-factor 1` runs it there")),
         // It ends with the most Gaussians.
         Event::Prepared(preparation) if preparation.at_most.is_some() => {
             Some(format!("{preparation} (`--max-splats`)"))
@@ -75,7 +76,7 @@ mod tests {
     use ibgs_core::gpu::GpuError;
     use ibgs_train::TrainError;
     use ibgs_train::memory::{MemoryLimit, Need};
-    use ibgs_train::session::Preparation;
+    use ibgs_train::session::{Preparation, SmallNetwork};
 
     #[track_caller]
     fn says(error: BuildError, expected: &str) {
@@ -131,6 +132,12 @@ mod tests {
             crate::advice::event(&Event::Limited(&limit)),
             "warning: 500 Gaussians would need 3 MiB of device memory, and 1 MiB is there (`--gpu-memory`): their number stops at \
              100"
+        );
+        let network = SmallNetwork { factor: 0.5, size: [1600, 1064], whole: 0.1204 };
+        assert_eq!(
+            crate::advice::event(&Event::SmallNetwork(&network)),
+            "note: the residual network runs at 0.5 of the image's size; at the whole size a frame of 1600 x 1064 pixels would take \
+             about 120 ms on this adapter; `--residual-factor 1` runs it there"
         );
         let mut preparation = Preparation {
             training_views: 9,

@@ -9,7 +9,7 @@ use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::blocks::PlanFolder;
 use ibgs_core::dataset::{self, SceneInfo};
-use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use, lacking, list_adapters};
+use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use, lacking, list_adapters, tested};
 use ibgs_core::local_space::Length;
 use ibgs_core::model::is_bundle;
 use ibgs_core::residual::unet::choice;
@@ -74,7 +74,8 @@ fn adapters() -> Result<()> {
             );
         }
         if lacking(adapter, Use::Rendering).is_empty() {
-            stdout!("   self-test          {}", self_test(index).unwrap_or_else(|error| error.to_string()));
+            let result = tested(&info, "self-test", || self_test(index));
+            stdout!("   self-test          {}", result.unwrap_or_else(|error| error.to_string()));
         }
         let [rendering, training] = [Use::Rendering, Use::Training].map(|wanted| lacking(adapter, wanted).join(", "));
         match (rendering.is_empty(), training.is_empty()) {

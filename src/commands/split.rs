@@ -84,6 +84,8 @@ pub fn run(args: &Args) -> Result<()> {
         bail!("blocks have one base: leave `--ensemble` out");
     }
     config.ensemble = Some(1);
+    // One size of the network for all, whichever adapter trains a block.
+    config.residual.factor.get_or_insert(1.0);
     config.source = Some(std::path::absolute(&args.scene)?);
     let mut scene = load_poses(&args.scene, &config.load_options())?;
     if scene.points.is_empty() {

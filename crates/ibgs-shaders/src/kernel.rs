@@ -1,6 +1,7 @@
 //! What the host knows of a kernel.
 
-use crate::{KernelSet, KernelStage, MatrixUnits, SHARED, Variant};
+use crate::{KernelSet, KernelStage, MATRIX_KERNELS, MatrixUnits, RENDER_KERNELS, SHARED, TRAIN_KERNELS, Variant};
+use std::hash::{DefaultHasher, Hash, Hasher};
 
 /// How a kernel uses a storage buffer.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -65,6 +66,15 @@ impl Kernel {
     pub fn wgsl_for(&self, units: MatrixUnits) -> String {
         Variant::Matrix(units).text(self.name, self.source, SHARED)
     }
+}
+
+/// A number that changes with the text of any kernel.
+pub fn fingerprint() -> u64 {
+    let mut hasher = DefaultHasher::new();
+    let kernels = [RENDER_KERNELS, TRAIN_KERNELS, MATRIX_KERNELS].concat();
+    kernels.iter().for_each(|kernel| kernel.source.hash(&mut hasher));
+    SHARED.hash(&mut hasher);
+    hasher.finish()
 }
 
 /// The text of a kernel with its immediate data as a uniform at binding 0 of group 1.

@@ -16,7 +16,7 @@ mod variant;
 pub use choices::{Aggregation, ConvInput, Output, Presented, Store};
 pub use class::{KernelSet, KernelStage};
 pub use constants::*;
-pub use kernel::{Access, Binding, Bindings, Kernel, UntypedBuffer, with_uniform};
+pub use kernel::{Access, Binding, Bindings, Kernel, UntypedBuffer, fingerprint, with_uniform};
 pub use variant::MatrixUnits;
 use variant::Variant;
 

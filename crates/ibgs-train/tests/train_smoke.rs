@@ -7,6 +7,7 @@ mod events;
 mod fit_poses;
 pub mod image_based;
 mod inputs;
+mod lost_device;
 mod masks;
 mod memory;
 mod own;

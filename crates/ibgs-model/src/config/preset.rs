@@ -61,6 +61,7 @@ impl TrainConfig {
         self.sources.distances = Distances::Absolute;
         self.sources.draw = Draw::Nearest;
         self.surface.publish();
+        self.residual.factor = Some(1.0);
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;
         self.residual.output = Some(Output::Residual);

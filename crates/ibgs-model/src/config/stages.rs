@@ -57,7 +57,8 @@ pub struct ResidualConfig {
     pub dropout: f64,
     /// Part of the run after which none are left out any more; unset: 1, and 0.85 where the photos show an object.
     pub dropout_until: Option<f64>,
-    /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: 1.
+    /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: the largest at which a frame takes less than about
+    /// 50 ms, and 1 on a software adapter, in blocks, in runs that are `deterministic`, and with `init`.
     pub factor: Option<f64>,
     /// Number of members of the ensemble that have a network and a surface, 1 to `ensemble`: the final image has the mean of their
     /// residuals. A departure from method.md.

@@ -74,6 +74,8 @@ pub struct Gpu {
     /// Lanes of a subgroup; none where their number is not fixed or not one that fits our kernels, or where a test finds that the
     /// driver gets them wrong.
     pub subgroup_lanes: Option<u32>,
+    /// Whether it was opened here, with all features of the adapter.
+    pub(super) is_own: bool,
     /// What a library that shares the device keeps with it.
     attached: OnceLock<Box<dyn Any + Send + Sync>>,
     pub(super) transients: Arc<Transients>,
@@ -115,12 +117,21 @@ impl Gpu {
         device: wgpu::Device,
         queue: wgpu::Queue,
     ) -> Result<Arc<Gpu>, GpuError> {
+        Self::untested(instance, adapter, device, queue)?.with_right_subgroups()
+    }
+
+    pub(super) fn untested(
+        instance: wgpu::Instance,
+        adapter: wgpu::Adapter,
+        device: wgpu::Device,
+        queue: wgpu::Queue,
+    ) -> Result<Gpu, GpuError> {
         let info = adapter.get_info();
         let (limits, features) = (device.limits(), device.features());
         require(&info, &limits, Use::Rendering)?;
         let experimental = features.contains(wgpu::Features::EXPERIMENTAL_COOPERATIVE_MATRIX);
         let immediates = features.contains(wgpu::Features::IMMEDIATES) && limits.max_immediate_size >= IMMEDIATES;
-        let mut gpu = Gpu {
+        Ok(Gpu {
             // Kernels for matrix units have immediate data.
             matrix_units: matrix_units(&adapter).filter(|_| experimental && immediates),
             subgroup_lanes: subgroup_lanes(&info, features).filter(|_| immediates),
@@ -131,6 +142,7 @@ impl Gpu {
             device,
             queue,
             info,
+            is_own: false,
             attached: OnceLock::new(),
             transients: Arc::default(),
             bind_groups: BindGroups::default(),
@@ -139,9 +151,7 @@ impl Gpu {
             pipelines: Pipelines::default(),
             profiler: Mutex::default(),
             fault: Arc::default(),
-        };
-        gpu.keep_right_subgroups()?;
-        Ok(Arc::new(gpu))
+        })
     }
 
     /// Sets the callbacks that record errors of the device, in place of those of another library.

@@ -16,6 +16,7 @@ pub mod pool;
 pub mod profile;
 pub mod scan;
 mod subgroups;
+mod tested;
 mod uniforms;
 
 pub use adapter::{Use, backends, device_descriptor, lacking};
@@ -28,3 +29,4 @@ pub use launch::{Batch, Pass, flush};
 #[cfg(not(target_arch = "wasm32"))]
 pub use open::{AdapterChoice, list_adapters};
 pub use profile::Measured;
+pub use tested::tested;

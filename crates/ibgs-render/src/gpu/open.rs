@@ -79,7 +79,9 @@ impl Gpu {
         let refused = |reason: String| GpuError::Device { adapter: info.name.clone(), reason };
         let (device, queue) = pollster::block_on(adapter.request_device(&device_descriptor(&adapter)))
             .map_err(|e| refused(e.to_string()))?;
-        let gpu = Self::from_wgpu(instance, adapter, device, queue)?;
+        let mut gpu = Self::untested(instance, adapter, device, queue)?;
+        gpu.is_own = true;
+        let gpu = gpu.with_right_subgroups()?;
         gpu.watch();
         Ok(gpu)
     }

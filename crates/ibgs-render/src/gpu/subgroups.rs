@@ -5,6 +5,7 @@ use super::{Gpu, GpuError, Pass};
 use ibgs_shaders::bindings::TileSortBindings;
 use ibgs_shaders::types::ViewUniforms;
 use ibgs_shaders::{SORT_BLOCK, TILE};
+use std::sync::Arc;
 
 /// Lanes of a device's subgroups, where they are always as many and our kernels have a form for them.
 pub(super) fn subgroup_lanes(info: &wgpu::AdapterInfo, features: wgpu::Features) -> Option<u32> {
@@ -51,12 +52,12 @@ impl Gpu {
     }
 
     /// Does without subgroups where the driver gets them wrong.
-    pub(super) fn keep_right_subgroups(&mut self) -> Result<(), GpuError> {
-        if self.subgroup_lanes.is_some() && !self.sorts_right()? {
+    pub(super) fn with_right_subgroups(mut self) -> Result<Arc<Gpu>, GpuError> {
+        if self.subgroup_lanes.is_some() && !self.tested("subgroups", || self.sorts_right())? {
             log::warn!("{}: the driver's subgroups give wrong results; going on without them", self.describe());
             self.subgroup_lanes = None;
             self.pipelines = Pipelines::default();
         }
-        Ok(())
+        Ok(Arc::new(self))
     }
 }

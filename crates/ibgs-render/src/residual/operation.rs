@@ -152,10 +152,7 @@ fn feature_inputs<'a>(
 impl Residual {
     /// A residual stage without any memory yet.
     pub fn new(gpu: Arc<Gpu>, variant: Variant, precision: Precision) -> Self {
-        let arithmetic = match precision {
-            Precision::Auto if choice::pays(&gpu) => Arithmetic::Half,
-            _ => Arithmetic::Full,
-        };
+        let arithmetic = choice::arithmetic(&gpu, precision);
         Self { gpu, pool: Arc::default(), variant, arithmetic }
     }
 

@@ -9,7 +9,9 @@ use start::Start;
 
 use super::adjusting::adjust_cameras;
 use super::forecast::Device;
-use super::{CheckpointWriter, Event, Forecast, Observer, Output, Preparation, Records, Session, StoppedTraining};
+use super::{
+    CheckpointWriter, Event, Forecast, Observer, Output, Preparation, Records, Session, StoppedTraining, network_size,
+};
 use crate::densify::Strategy;
 use crate::loss::Loss;
 use crate::memory::Needs;
@@ -205,11 +207,7 @@ impl Loaded {
         if start.as_ref().is_some_and(Start::has_exposures) && config.exposure.enabled == ExposureSwitch::Auto {
             config.exposure.enabled = ExposureSwitch::On;
         }
-        if builder.stopped.is_none()
-            && let Some(evidence) = exposure_trial::resolve(&raster, &dataset, &mut config)?
-        {
-            observer.event(&Event::ExposureTried(&evidence));
-        }
+        builder.decide(&raster, &dataset, &mut config, observer)?;
         let mut trainer = builder.trainer(&raster, &dataset, &mut config, start.as_ref())?;
         builder.losses.drain(..).for_each(|loss| trainer.add_loss(loss));
         if let Some(strategy) = builder.strategy.take() {
@@ -251,6 +249,26 @@ impl Loaded {
 }
 
 impl SessionBuilder {
+    /// Sets the options that a trial or a clock decides, unless they are given; a resumed training has them.
+    fn decide(
+        &self,
+        raster: &Arc<Rasterizer>,
+        dataset: &Dataset,
+        config: &mut TrainConfig,
+        observer: &mut dyn Observer,
+    ) -> Result<()> {
+        if self.stopped.is_some() {
+            return Ok(());
+        }
+        if let Some(evidence) = exposure_trial::resolve(raster, dataset, config)? {
+            observer.event(&Event::ExposureTried(&evidence));
+        }
+        if let Some(network) = network_size::choose(raster.gpu(), dataset, config)? {
+            observer.event(&Event::SmallNetwork(&network));
+        }
+        Ok(())
+    }
+
     fn trainer(
         &self,
         raster: &Arc<Rasterizer>,

@@ -1,6 +1,6 @@
 //! What a session reports, and to whom.
 
-use super::{CameraSummary, Preparation, SessionError, TrainingProgress, TransientSummary};
+use super::{CameraSummary, Preparation, SessionError, SmallNetwork, TrainingProgress, TransientSummary};
 use crate::ExposureEvidence;
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
@@ -69,6 +69,8 @@ pub enum Event<'a> {
     Preparing,
     /// It was tried whether exposures are worth correcting.
     ExposureTried(&'a ExposureEvidence),
+    /// The network runs at less than the image's size, as a frame would take too long else.
+    SmallNetwork(&'a SmallNetwork),
     /// Not all Gaussians that the options allow fit into the device's memory.
     Limited(&'a MemoryLimit),
     /// The training runs on a software adapter, and will take long.
@@ -245,6 +247,7 @@ impl Event<'_> {
             Self::Note(note) => write!(f, "note: {note}"),
             Self::Preparing => f.write_str("preparing the training"),
             Self::ExposureTried(evidence) => fmt::Display::fmt(evidence, f),
+            Self::SmallNetwork(network) => fmt::Display::fmt(network, f),
             Self::Limited(limit) => write!(f, "warning: {limit}"),
             Self::Slow { adapter, seconds } => write!(
                 f,

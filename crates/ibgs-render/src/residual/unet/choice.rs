@@ -1,9 +1,11 @@
-//! Whether the matrix units are right and fast on this adapter: a test against the portable path when they are first wanted.
+//! Whether the matrix units are right and fast on this adapter, by a test against the portable path when they are first wanted, and
+//! how long the U-Net takes.
 
 use super::{Arithmetic, UNet};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{self, INPUT, WEIGHTS};
+use crate::residual::variant::Precision;
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::time::{Duration, Instant};
@@ -69,8 +71,9 @@ struct Trial<'a> {
 }
 
 impl<'a> Trial<'a> {
-    fn new(gpu: &'a Gpu, size: [u32; 2], numbers: &WholeNumbers, arithmetic: Arithmetic) -> Result<Self, GpuError> {
-        let unet = UNet::new(gpu, size, Keep::Gradients, arithmetic)?;
+    fn new(gpu: &'a Gpu, size: [u32; 2], keep: Keep, arithmetic: Arithmetic) -> Result<Self, GpuError> {
+        let numbers = WholeNumbers::new(size[0], size[1], 0);
+        let unet = UNet::new(gpu, size, keep, arithmetic)?;
         unet.write_input(gpu, &numbers.planes);
         Ok(Self {
             gpu,
@@ -82,17 +85,24 @@ impl<'a> Trial<'a> {
         })
     }
 
-    /// Forward and backward, and the time of both.
+    /// Forward and, where gradients are kept, backward, and the time of both.
     fn pass(&self) -> Result<Duration, GpuError> {
         self.gpu.queue.submit([]);
         self.gpu.wait()?;
         let start = Instant::now();
         let mut pass = Pass::new(self.gpu, "self-test");
         self.unet.forward(&mut pass, &self.weights);
-        self.unet.backward(&mut pass, &self.weights, &self.v_residual, &self.v_weights);
+        if self.unet.has_gradients() {
+            self.unet.backward(&mut pass, &self.weights, &self.v_residual, &self.v_weights);
+        }
         pass.submit();
         self.gpu.wait()?;
         Ok(start.elapsed())
+    }
+
+    /// The fastest of some passes.
+    fn fastest(&self) -> Result<Duration, GpuError> {
+        (0..PASSES).try_fold(Duration::MAX, |fastest, _| Ok(fastest.min(self.pass()?)))
     }
 
     fn results(&self) -> Result<Results, GpuError> {
@@ -110,7 +120,16 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
     let apart = a.iter().zip(b).map(|(a, b)| (a - b).abs());
     // NaN must not compare as small.
     let apart = apart.fold(0.0f32, |m, v| if v.is_nan() { f32::INFINITY } else { m.max(v) });
-    if apart == 0.0 { 0.0 } else { apart / largest }
+    // Files of results hold no infinity.
+    if apart == 0.0 { 0.0 } else { (apart / largest).min(f32::MAX) }
+}
+
+/// What the network computes with at this precision.
+pub(in crate::residual) fn arithmetic(gpu: &Gpu, precision: Precision) -> Arithmetic {
+    match precision {
+        Precision::Auto if pays(gpu) => Arithmetic::Half,
+        _ => Arithmetic::Full,
+    }
 }
 
 /// Whether the matrix units give the portable path's results, and sooner. Runs once for each [`Gpu`]; false on software
@@ -120,12 +139,12 @@ pub fn pays(gpu: &Gpu) -> bool {
         if gpu.is_software() || gpu.matrix_units.is_none() {
             return Ok(false);
         }
-        match error(gpu)? {
+        match gpu.tested("matrix-units", || error(gpu))? {
             Some(error) if error > TOLERANCE => {
                 log::warn!("the matrix units of {} are wrong by {error:.1e} and are not used", gpu.info.name);
                 Ok(false)
             }
-            Some(_) => faster(gpu),
+            Some(_) => gpu.tested("matrix-units-faster", || faster(gpu)),
             None => Ok(false),
         }
     };
@@ -146,10 +165,8 @@ pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
     if gpu.matrix_units.is_none() {
         return Ok(None);
     }
-    let numbers = WholeNumbers::new(COMPARED[0], COMPARED[1], 0);
-    let [half, full] =
-        [Arithmetic::Half, Arithmetic::Full].map(|arithmetic| Trial::new(gpu, COMPARED, &numbers, arithmetic));
-    let (half, full) = (half?, full?);
+    let trial = |arithmetic| Trial::new(gpu, COMPARED, Keep::Gradients, arithmetic);
+    let (half, full) = (trial(Arithmetic::Half)?, trial(Arithmetic::Full)?);
     // Twice over: the second pass must not see anything of the first.
     half.pass()?;
     half.pass()?;
@@ -159,10 +176,23 @@ pub fn error(gpu: &Gpu) -> Result<Option<f32>, GpuError> {
 }
 
 fn faster(gpu: &Gpu) -> Result<bool, GpuError> {
-    let numbers = WholeNumbers::new(TIMED[0], TIMED[1], 0);
-    let fastest = |arithmetic| {
-        let trial = Trial::new(gpu, TIMED, &numbers, arithmetic)?;
-        (0..PASSES).try_fold(Duration::MAX, |fastest, _| Ok(fastest.min(trial.pass()?)))
-    };
+    let fastest = |arithmetic| Trial::new(gpu, TIMED, Keep::Gradients, arithmetic)?.fastest();
     Ok(fastest(Arithmetic::Half)? < fastest(Arithmetic::Full)?)
+}
+
+/// Seconds that the U-Net takes for each pixel of an image, by the arithmetic that it has at this precision. No more than `enough`
+/// need not be measured again at each start.
+///
+/// # Errors
+/// Not enough memory, or the device is lost.
+pub fn seconds_a_pixel(gpu: &Gpu, precision: Precision, enough: f64) -> Result<f64, GpuError> {
+    let arithmetic = arithmetic(gpu, precision);
+    let name = match arithmetic {
+        Arithmetic::Full => "unet",
+        Arithmetic::Half => "unet-on-matrix-units",
+    };
+    let pixels = f64::from(TIMED[0] * TIMED[1]);
+    let enough = Duration::from_secs_f64(enough * pixels);
+    let time = gpu.time(name, enough, || Trial::new(gpu, TIMED, Keep::Image, arithmetic)?.fastest())?;
+    Ok(time.as_secs_f64() / pixels)
 }
