@@ -149,6 +149,22 @@ fn info(sandbox: &Sandbox) {
     assert!(adapters.stdout.contains("storage binding"), "{adapters}");
     let tested = adapters.stdout.lines().find(|line| line.trim_start().starts_with("self-test")).unwrap();
     assert!(tested.contains("subgroups") && tested.contains("matrix units") && !tested.contains("wrong"), "{adapters}");
+    if cfg!(target_os = "linux") {
+        kept_tests(sandbox, &adapters.stdout);
+    }
+}
+
+/// What tests of the adapters came to is kept, and not believed where the file is damaged.
+fn kept_tests(sandbox: &Sandbox, told: &str) {
+    let folder = sandbox.home.path().join("ibgs/adapters");
+    let mut files = fs::read_dir(folder).unwrap().map(|entry| entry.unwrap().path());
+    let file = files.find(|path| path.to_string_lossy().contains("self-test")).unwrap();
+    let kept = fs::read_to_string(&file).unwrap();
+    fs::write(&file, kept.replace("matrix units", "units as kept")).unwrap();
+    assert!(sandbox.succeeds("info").stdout.contains("units as kept"));
+    fs::write(&file, &kept[..kept.len() / 2]).unwrap();
+    assert_eq!(sandbox.succeeds("info").stdout, told);
+    assert_eq!(fs::read_to_string(&file).unwrap(), kept);
 }
 
 /// Rendering from the saved model gives the very pictures of the training's evaluation.

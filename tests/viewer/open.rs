@@ -7,7 +7,9 @@ use egui_kittest::kittest::Queryable;
 use ibgs::commands::train::requested;
 use ibgs_core::config::{ExposureConfig, ExposureSwitch, Method, Preset};
 use ibgs_core::dataset::{Masks, Resolution};
+use ibgs_core::raster::Rasterizer;
 use ibgs_core::scene::{PlyFlavor, write_ply};
+use ibgs_reference::gpu::open_gpu;
 use ibgs_testing::scene_files::{Model, write_file};
 use ibgs_train::session::Output;
 use ibgs_viewer::{OpenRequest, TrainingRequest};
@@ -307,4 +309,24 @@ fn what_cannot_be_opened_is_told_in_a_sentence() {
     window.state_mut().show_figures(false);
     window.run_steps(20);
     assert!(window.state().error().is_some());
+}
+
+/// A device that goes away while a model is shown: a sentence in place of a crash.
+#[test]
+fn a_lost_device_is_told() {
+    let folder = tempfile::tempdir().unwrap();
+    // One of its own: the other tests need theirs.
+    let own = open_gpu();
+    let dataset = many_points();
+    let splats = Splats::upload(&from_points(&dataset.points, 0, 0.6).unwrap(), &own).unwrap();
+    let renderer = Renderer::new(Arc::new(Rasterizer::new(own.clone())), splats, [0.0; 3], None).showing_surface();
+    let content = Content::Model(Arc::new(renderer));
+    let opened = Opened { scene: surroundings(dataset, folder.path()), content };
+    let mut window = window_on(&own, Some(opened), Vec2::new(500.0, 320.0));
+    assert_eq!(window.state().error(), None);
+    own.device.destroy();
+    window.key_press(Key::ArrowRight);
+    until(&mut window, "told", |viewer| viewer.error().is_some());
+    let error = window.state().error().unwrap();
+    assert!(error.contains("the GPU has failed") && error.ends_with("has to be started again"), "{error}");
 }
