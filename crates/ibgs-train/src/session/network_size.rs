@@ -34,12 +34,17 @@ impl fmt::Display for SmallNetwork {
     }
 }
 
-/// The largest of 1, 0.5 and 0.25 of the image's size that is fast enough, for one that takes `whole` seconds at its own.
-fn factor(whole: f64) -> f64 {
-    [1.0, 0.5].into_iter().find(|factor| factor * factor * whole <= FRAME).unwrap_or(0.25)
+/// For images of a size and an adapter whose U-Net takes so long for a pixel: the largest of 1, 0.5 and 0.25 of the size that is fast
+/// enough; none where the first is.
+fn small_network(seconds_a_pixel: f64, size: [u32; 2], networks: u32) -> Option<SmallNetwork> {
+    let pixels = f64::from(size[0]) * f64::from(size[1]);
+    let whole = seconds_a_pixel * pixels * f64::from(networks) / OF_UNET;
+    let is_fast = |factor: f64| factor * factor * whole <= FRAME;
+    let factor = if is_fast(0.5) { 0.5 } else { 0.25 };
+    (!is_fast(1.0)).then_some(SmallNetwork { factor, size, whole })
 }
 
-/// Sets the size by a clock; none where it is the image's. It stays that on a software adapter, of which a frame is not expected in
+/// Sets the size by a clock; none where it stays the image's. It stays that on a software adapter, of which a frame is not expected in
 /// that time, in a deterministic training, and for a network that has been trained before.
 ///
 /// # Errors
@@ -53,15 +58,13 @@ pub fn choose(gpu: &Gpu, dataset: &Dataset, config: &mut TrainConfig) -> Result<
     let sizes =
         dataset.train.iter().map(|&view| dataset.views[view].camera).map(|camera| [camera.width, camera.height]);
     let size = sizes.max_by_key(|[width, height]| u64::from(*width) * u64::from(*height)).unwrap_or_default();
-    let pixels = size.iter().map(|&side| f64::from(side)).product::<f64>() * f64::from(residual.networks);
+    let pixels = f64::from(size[0]) * f64::from(size[1]) * f64::from(residual.networks);
     let seconds = seconds_a_pixel(gpu, residual.precision, FRAME * OF_UNET / pixels.max(1.0))?;
-    let whole = seconds * pixels / OF_UNET;
-    let factor = factor(whole);
-    if factor == 1.0 {
-        return Ok(None);
+    let small = small_network(seconds, size, residual.networks);
+    if let Some(network) = &small {
+        config.residual.factor = Some(network.factor);
     }
-    config.residual.factor = Some(factor);
-    Ok(Some(SmallNetwork { factor, size, whole }))
+    Ok(small)
 }
 
 #[cfg(test)]
@@ -70,7 +73,17 @@ mod tests {
 
     #[test]
     fn a_slow_frame_has_a_smaller_network() {
-        let factors = [0.0, 0.05, 0.051, 0.2, 0.21, 9.0, f64::INFINITY].map(factor);
-        assert_eq!(factors, [1.0, 1.0, 0.5, 0.5, 0.25, 0.25, 0.25]);
+        // The time of an NVIDIA H100 on matrix units; a tenth and a hundredth of its speed.
+        let [fast, medium, slow] = [1.0, 10.0, 100.0].map(|times| times * 1.3e-9);
+        let factor = |seconds, size, networks| small_network(seconds, size, networks).map(|network| network.factor);
+        let (small, large) = ([640, 480], [1600, 1064]);
+        assert_eq!([fast, medium, slow].map(|seconds| factor(seconds, small, 1)), [None, None, Some(0.5)]);
+        assert_eq!([fast, medium, slow].map(|seconds| factor(seconds, large, 1)), [None, None, Some(0.25)]);
+        assert_eq!([medium, slow].map(|seconds| factor(seconds, large, 2)), [Some(0.5), Some(0.25)]);
+        // Exactly fast enough.
+        let limits = [0.025, 0.0251, 0.1, 0.101].map(|seconds| factor(seconds, [1, 1], 1));
+        assert_eq!(limits, [None, Some(0.5), Some(0.5), Some(0.25)]);
+        let whole = small_network(slow, large, 1).unwrap().whole;
+        assert!((whole - 2.0 * 1.3e-7 * 1600.0 * 1064.0).abs() < 1e-6, "{whole}");
     }
 }

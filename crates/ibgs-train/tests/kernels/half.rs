@@ -1,11 +1,13 @@
 //! The U-Net on matrix units against its twin, forward and backward.
 
 use super::residual::{OnGpu, UNTOUCHED, double, forward_on_gpu, interleaved, on_gpu, random_maps, random_weights};
+use ibgs_core::gpu::device_descriptor;
 use ibgs_core::raster::Keep;
 use ibgs_core::residual::Arithmetic;
 use ibgs_core::residual::layers::{ENC1, FINAL, OUTPUTS, UNET};
-use ibgs_core::residual::unet::choice::{self, WholeNumbers};
-use ibgs_reference::gpu::gpu;
+use ibgs_core::residual::unet::choice::{self, WholeNumbers, seconds_a_pixel};
+use ibgs_core::residual::variant::Precision;
+use ibgs_reference::gpu::{device_of, gpu};
 use ibgs_reference::relative_error;
 use ibgs_reference::unet::{Map, backward, forward};
 use ibgs_testing::skipped;
@@ -88,4 +90,13 @@ fn the_test_of_the_matrix_units_passes() {
     println!("matrix units: {:?}, error {error:?}", gpu.matrix_units);
     assert_eq!(error.is_some(), gpu.matrix_units.is_some());
     assert!(error.is_none_or(|error| error < 1e-4), "{error:?}");
+}
+
+/// On a device of its own, of which nothing is kept.
+#[test]
+fn the_time_of_the_unet_is_measured() {
+    let own = device_of(device_descriptor);
+    let seconds = seconds_a_pixel(&own, Precision::Full, 0.0).unwrap();
+    println!("U-Net: {seconds:.1e} s a pixel");
+    assert!((1e-12..1e-3).contains(&seconds), "{seconds}");
 }
