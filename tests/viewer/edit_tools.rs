@@ -92,6 +92,32 @@ fn all_none_and_the_others_by_keys() {
     assert_eq!(selected(&window), 0);
 }
 
+/// As where frames are slow, or a touchpad is tapped.
+#[test]
+fn a_click_within_a_frame_is_the_tools() {
+    let (_folder, mut window) = editor();
+    let quick_click = |window: &mut Window, at: Pos2| {
+        window.event(Event::PointerMoved(at));
+        for pressed in [true, false] {
+            let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+            window.event(Event::PointerButton { pos: at, button, pressed, modifiers });
+        }
+        settle(window);
+    };
+    for tool in ["Colour", "Flood"] {
+        pick(&mut window, tool);
+        quick_click(&mut window, AT);
+        assert!(selected(&window) > 0, "{tool}: {:?}", window.state().error());
+        pick(&mut window, "None");
+    }
+    pick(&mut window, "Polygon");
+    for way in [Vec2::ZERO, Vec2::new(120.0, 10.0), Vec2::new(60.0, 100.0), Vec2::ZERO] {
+        quick_click(&mut window, AT + way);
+    }
+    assert!(selected(&window) > 0, "the polygon is closed by a click on its first corner");
+    assert!(window.state().inspection().is_none());
+}
+
 #[test]
 fn a_lasso_and_a_polygon_around_the_same_select_the_same() {
     let (_folder, mut window) = editor();

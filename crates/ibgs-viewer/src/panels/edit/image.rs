@@ -112,10 +112,11 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
         let share = (at - image.min) / image.size();
         DVec2::new(share.x.into(), share.y.into())
     };
+    // A click may begin and end within a frame, and a quick drag has moved on since it began. What `response` asks of the window
+    // waits for ever within `input`.
+    let clicked = edit.stroke().is_empty() && response.clicked();
     let (how, down, origin) = ui.input(|input| {
         let down = input.pointer.button_down(PointerButton::Primary) && response.is_pointer_button_down_on();
-        // A click may begin and end within a frame, and a quick drag has moved on since it began.
-        let clicked = edit.stroke().is_empty() && response.clicked();
         (how(input, edit.how), down || clicked, input.pointer.press_origin())
     });
     if let Some(at) = pointer.filter(|_| down) {
