@@ -30,13 +30,17 @@ class Camera:
         principal: Sequence[float] | None = None,
     ) -> None: ...
     @property
-    def width(self) -> int: ...
+    def width(self) -> int:
+        """In pixels."""
     @property
-    def height(self) -> int: ...
+    def height(self) -> int:
+        """In pixels."""
     @property
-    def focal(self) -> tuple[float, float]: ...
+    def focal(self) -> tuple[float, float]:
+        """x, y, in pixels."""
     @property
-    def principal(self) -> tuple[float, float]: ...
+    def principal(self) -> tuple[float, float]:
+        """x, y, in pixels from the upper left corner of the image."""
     @property
     def rotation(self) -> NDArray[np.float64]:
         """Rows of the rotation, [3, 3]."""
@@ -53,11 +57,13 @@ class View:
     """A camera with the name of its photo, and its side of the split where that is known."""
 
     @property
-    def name(self) -> str: ...
+    def name(self) -> str:
+        """That of its photo in the scene."""
     @property
     def camera(self) -> Camera: ...
     @property
-    def split(self) -> Split | None: ...
+    def split(self) -> Split | None:
+        """None where it is not known."""
 
 class Scene:
     """Posed photos and points, loaded."""
@@ -73,7 +79,8 @@ class Scene:
     def demo(size: Literal["small", "large"] = "small", walkers: int = 0) -> Scene:
         """Ray traces the built-in scene: 40 photos of 160 x 120 pixels, or 120 of 640 x 480."""
     @property
-    def views(self) -> list[View]: ...
+    def views(self) -> list[View]:
+        """All of them, those that are held out too."""
     def photo(self, name: str) -> NDArray[np.uint8]:
         """The pixels of a photo as it is trained on, RGBA, [height, width, 4]; alpha under 128 is masked."""
     @property
@@ -87,21 +94,28 @@ class Progress:
     """How far a training is. Loss and PSNR (dB, of the training photos) are means of recent iterations."""
 
     @property
-    def iteration(self) -> int: ...
+    def iteration(self) -> int:
+        """Number of those that are done."""
     @property
-    def iterations(self) -> int: ...
+    def iterations(self) -> int:
+        """Number of all."""
     @property
-    def stage(self) -> str: ...
+    def stage(self) -> str:
+        """`base`, `surface` or `residual`."""
     @property
     def loss(self) -> float | None: ...
     @property
     def psnr(self) -> float | None: ...
     @property
-    def gaussians(self) -> int: ...
+    def gaussians(self) -> int:
+        """Number of Gaussians."""
     @property
-    def seconds(self) -> float: ...
+    def seconds(self) -> float:
+        """Time spent in iterations."""
 
 class Evaluation(TypedDict):
+    """What was measured at an iteration: PSNR in dB of base and final image."""
+
     iteration: int
     gaussians: int
     base: float
@@ -137,11 +151,14 @@ class Trainer:
     def finish(self) -> None:
         """Saves and measures the model as it is now, as `run` does at its end."""
     @property
-    def progress(self) -> Progress: ...
+    def progress(self) -> Progress:
+        """How far it is."""
     @property
-    def is_done(self) -> bool: ...
+    def is_done(self) -> bool:
+        """Whether all iterations are done."""
     @property
-    def output(self) -> str | None: ...
+    def output(self) -> str | None:
+        """The model folder."""
     @property
     def evaluations(self) -> list[Evaluation]:
         """What was measured on the held-out views so far: PSNR in dB."""
@@ -192,7 +209,8 @@ class Gaussians:
     def space(self) -> tuple[list[float], float]:
         """Origin and unit of the local coordinates."""
     @property
-    def sh_degree(self) -> int: ...
+    def sh_degree(self) -> int:
+        """0 to 3."""
     def __len__(self) -> int: ...
 
 class Model:
@@ -212,11 +230,14 @@ class Model:
         `precision` is that of `ibgs render`, whose default is `auto`: colours in half precision, and the network too where that is faster.
         """
     @property
-    def views(self) -> list[View]: ...
+    def views(self) -> list[View]:
+        """Those of the scene that it was trained on, held-out ones too."""
     @property
-    def iteration(self) -> int: ...
+    def iteration(self) -> int:
+        """The saved iteration that was opened."""
     @property
-    def adapter(self) -> str: ...
+    def adapter(self) -> str:
+        """The GPU that renders."""
     @property
     def options(self) -> dict[str, Any]:
         """What it was trained with, as `defaults` has it."""
