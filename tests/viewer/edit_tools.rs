@@ -325,3 +325,28 @@ fn the_box_crops() {
     settle(&mut window);
     assert!(window.query_by_label("Edit the model").is_none());
 }
+
+/// What stands in the panel is neither cut off at its edge nor at that of the window.
+#[test]
+fn the_panel_keeps_all_in_a_small_window() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    window.set_size(Vec2::new(620.0, 420.0));
+    press(&mut window, Key::X);
+    until(&mut window, "edited", |viewer| viewer.edited().is_some());
+    settle(&mut window);
+    for (section, last) in [("Floaters", "Remove selected"), ("Place and size", "As it was")] {
+        window.get_by_label(section).scroll_to_me();
+        window.run_steps(10);
+        pick(&mut window, section);
+        window.run_steps(10);
+        let edge = window.get_by_label("Fold the panel").rect().right();
+        for label in ["Edit the model", "Rectangle", section, last] {
+            let room = window.get_by_label(label).rect();
+            assert!(
+                room.left() >= edge && room.right() <= 620.0,
+                "{section}: {label} is at {room:?}, the panel at {edge}"
+            );
+        }
+    }
+}

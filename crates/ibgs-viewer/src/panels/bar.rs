@@ -15,7 +15,7 @@ use web_time::Instant;
 /// Modes that have buttons of their own in windows of at least this width, in points.
 const BUTTONS: [(f32, usize); 2] = [(SMALL, 3), (1150.0, 5)];
 /// Width of the menu of the others in points, which has room for every name.
-const MENU: f32 = 120.0;
+const MENU: f32 = 128.0;
 /// How long a message of success is shown.
 const READ: Duration = Duration::from_secs(8);
 

@@ -24,13 +24,17 @@ use crate::keys;
 use crate::mode::Mode;
 use crate::viewer::Viewer;
 use eframe::egui::{
-    self, Align2, Color32, CursorIcon, FontId, Painter, Pos2, Rect, Sense, Slider, Stroke, StrokeKind, Ui, Vec2,
+    self, Align2, Color32, Context, CursorIcon, FontId, Galley, Painter, Pos2, Rect, RichText, Sense, Slider, Stroke,
+    StrokeKind, TextStyle, TextWrapMode, Ui, Vec2, WidgetText,
 };
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
 use ibgs_core::picture::{MOST_VISIBLE, visibility_color};
+use std::sync::Arc;
 use std::time::Duration;
 
+/// Where panels over the picture begin below the window's edge, in points.
+const TOP: f32 = 48.0;
 /// After this time without a new picture the old one says that it is old.
 const SLOW: Duration = Duration::from_millis(500);
 /// How dark the ground of text over the picture is.
@@ -44,6 +48,23 @@ pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
     sides::sides(viewer, ui);
     share::share(viewer, ui.ctx());
     help(viewer, ui);
+}
+
+/// A panel over the picture, in the middle at first.
+fn floating<'open>(title: &str, ctx: &Context) -> egui::Window<'open> {
+    let top = ctx.content_rect().center_top() + Vec2::new(0.0, TOP);
+    egui::Window::new(title).collapsible(false).resizable(false).pivot(Align2::CENTER_TOP).default_pos(top)
+}
+
+/// Height that such a panel may have.
+fn floating_height(ctx: &Context) -> f32 {
+    (ctx.content_rect().height() - 2.0 * TOP).max(TOP)
+}
+
+/// A text in one line of a width, which ends in dots where it is longer.
+fn elided(ui: &Ui, text: &str, style: TextStyle, color: Color32, width: f32) -> Arc<Galley> {
+    let text = WidgetText::from(RichText::new(text).text_style(style.clone()).color(color));
+    text.into_galley(ui, Some(TextWrapMode::Truncate), width, style)
 }
 
 /// The line between two modes, which can be dragged.
@@ -82,7 +103,9 @@ pub fn strength(viewer: &mut Viewer, ui: &Ui, room: Rect) {
     if !viewer.shows(Mode::has_gain) {
         return;
     }
-    let at = room.right_top() + Vec2::new(-12.0, 12.0);
+    // Beside the figures, or below them.
+    let top = if room.width() < sides::NARROW { 52.0 } else { 12.0 };
+    let at = room.right_top() + Vec2::new(-12.0, top);
     egui::Area::new(ui.scope_id().with("strength")).fixed_pos(at).pivot(Align2::RIGHT_TOP).show(ui.ctx(), |ui| {
         egui::Frame::popup(ui.style()).show(ui, |ui| {
             let slider = Slider::new(&mut viewer.canvas.style.gain, 1.0..=20.0).logarithmic(true).text("strength");
@@ -168,9 +191,8 @@ fn legend(painter: &Painter, at: Pos2, most: u32) {
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
     let room = ui.ctx().content_rect();
-    let window =
-        egui::Window::new("Keys and pointer").open(&mut open).collapsible(false).resizable(false).vscroll(true);
-    window.max_width(room.width() - 32.0).show(ui.ctx(), |ui| {
+    let window = floating("Keys and pointer", ui.ctx()).open(&mut open).vscroll(true);
+    window.max_width(room.width() - 32.0).default_height(floating_height(ui.ctx())).show(ui.ctx(), |ui| {
         if room.width() < sides::SMALL {
             for (key, what) in keys::help() {
                 ui.strong(key);

@@ -1,23 +1,18 @@
 //! *Settings*: what is kept for every model.
 
+use super::{floating, floating_height};
 use crate::IN_BROWSER;
 use crate::keys;
 use crate::settings::{ANGLES, Backdrop, SPEEDS, Unit};
 use crate::viewer::Viewer;
-use eframe::egui::{Align2, ComboBox, Context, DragValue, Grid, ScrollArea, Slider, ThemePreference, Ui, Window, vec2};
-
-/// Where it begins below the window's edge, in points.
-const TOP: f32 = 48.0;
+use eframe::egui::{ComboBox, Context, DragValue, Grid, ScrollArea, Slider, ThemePreference, Ui};
 
 /// The panel, while it is shown.
 pub fn settings(viewer: &mut Viewer, ctx: &Context) {
     let mut open = viewer.panels.shows_settings;
-    let window = Window::new("Settings").open(&mut open).collapsible(false).resizable(false);
-    let top = ctx.content_rect().center_top() + vec2(0.0, TOP);
-    window.pivot(Align2::CENTER_TOP).default_pos(top).show(ctx, |ui| {
+    floating("Settings", ctx).open(&mut open).show(ctx, |ui| {
         // A low window scrolls it.
-        let most = (ctx.content_rect().height() - 2.0 * TOP).max(TOP);
-        ScrollArea::vertical().max_height(most).show(ui, |ui| {
+        ScrollArea::vertical().max_height(floating_height(ctx)).show(ui, |ui| {
             Grid::new("settings").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
                 theme(ui);
                 background(viewer, ui);

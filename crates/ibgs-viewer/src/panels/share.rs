@@ -1,14 +1,12 @@
 //! *Share*: the model as a page, a bundle, or Gaussians for other programs.
 
+use super::floating;
 use crate::share::ShareKind;
 use crate::viewer::Viewer;
-use eframe::egui::{Align2, Button, ComboBox, Context, TextEdit, Window, vec2};
+use eframe::egui::{Button, ComboBox, Context, TextEdit};
 
 /// Width in points, where the window has room for it.
 const WIDTH: f32 = 420.0;
-
-/// Where it begins below the window's edge.
-const TOP: f32 = 48.0;
 
 /// The panel, while it is shown.
 pub fn share(viewer: &mut Viewer, ctx: &Context) {
@@ -21,9 +19,7 @@ pub fn share(viewer: &mut Viewer, ctx: &Context) {
     }
     let (mut open, mut writes) = (viewer.share.shown, false);
     let width = WIDTH.min(ctx.content_rect().width() - 48.0);
-    let window = Window::new("Share").open(&mut open).collapsible(false).resizable(false);
-    let top = ctx.content_rect().center_top() + vec2(0.0, TOP);
-    window.pivot(Align2::CENTER_TOP).default_pos(top).show(ctx, |ui| {
+    floating("Share", ctx).open(&mut open).show(ctx, |ui| {
         ui.set_width(width);
         let unsaved = viewer.edit.is_unsaved();
         let share = &mut viewer.share;

@@ -10,11 +10,13 @@ use eframe::egui::{self, Context, Grid, Panel, Pos2, Rect, Role, ScrollArea, Sen
 /// Windows that are narrower, in points, have no room for panels on both sides.
 pub const SMALL: f32 = 900.0;
 /// Windows that are narrower have below the picture what others have beside it.
-const NARROW: f32 = 480.0;
+pub const NARROW: f32 = 480.0;
 /// In narrower windows of a browser the views are folded at first.
 const NARROW_PAGE: f32 = 560.0;
 /// Largest share of a small window's width, or of the height of its rest, that the panel of facts takes.
 const SHARE: f32 = 0.35;
+/// Room for indent, value and name beside a slider in points.
+const BESIDE_SLIDER: f32 = 160.0;
 /// Size of a tab, the longer side along the edge.
 const TAB: Vec2 = Vec2::new(16.0, 44.0);
 
@@ -85,6 +87,8 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
     };
     panel.show(ui, |ui| {
         ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+            // Beside a slider there is room for its value and its name.
+            ui.spacing_mut().slider_width = (ui.available_width() - BESIDE_SLIDER).clamp(40.0, 100.0);
             training::training(viewer, ui);
             edit::panel(viewer, ui);
             if viewer.panels.shows_path {

@@ -1,5 +1,6 @@
 //! The start page, and opening things.
 
+use super::elided;
 use crate::OpenRequest;
 use crate::dialogs::{Answer, Sought};
 use crate::photos_form;
@@ -7,7 +8,7 @@ use crate::recents::Recent;
 use crate::thumbnails::paint;
 use crate::train_form::Asked;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Align2, Image, Key, Rect, RichText, Sense, Stroke, TextEdit, TextStyle, Ui, UiBuilder, Vec2};
+use eframe::egui::{self, Align2, Image, Key, Rect, Sense, Stroke, TextEdit, TextStyle, Ui, UiBuilder, Vec2};
 
 /// Windows of this width in points have the form beside the rest.
 const WIDE: f32 = 900.0;
@@ -149,15 +150,10 @@ fn tile(ui: &mut Ui, recent: &Recent) -> bool {
         None => {
             let kind = recent.path.extension().map(|extension| extension.to_string_lossy().to_uppercase());
             let kind = if recent.is_missing { "not found".to_owned() } else { kind.unwrap_or_default() };
-            painter.text(room.center(), Align2::CENTER_CENTER, kind, small.clone(), visuals.weak_text_color());
+            painter.text(room.center(), Align2::CENTER_CENTER, kind, small, visuals.weak_text_color());
         }
     }
-    let galley = egui::WidgetText::from(RichText::new(&*name).font(small).color(text)).into_galley(
-        ui,
-        Some(egui::TextWrapMode::Truncate),
-        TILE_PICTURE.x,
-        TextStyle::Small,
-    );
+    let galley = elided(ui, &name, TextStyle::Small, text, TILE_PICTURE.x);
     painter.galley(egui::pos2(room.left(), room.bottom() + 4.0), galley, text);
     let path = recent.path.display();
     let (hover, clicked) =

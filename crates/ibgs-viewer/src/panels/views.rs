@@ -1,5 +1,6 @@
 //! The scene's views at the left.
 
+use super::elided;
 use crate::View;
 use crate::marks;
 use crate::theme::as_text;
@@ -59,7 +60,7 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     }
 }
 
-/// A view's photo, and its name where there is room.
+/// A view's photo, and its name where there is room or no photo.
 fn paint(
     ui: &Ui,
     rect: Rect,
@@ -83,13 +84,19 @@ fn paint(
         let whole = Rect::from_min_max(Pos2::ZERO, Pos2::new(1.0, 1.0));
         painter.image(texture.id(), Rect::from_center_size(room.center(), fitted), whole, Color32::WHITE);
     }
+    let name = view.name.rsplit('/').next().unwrap_or(&view.name);
     if is_narrow {
+        // A view without a photo has its name alone.
+        if view.photo.is_none() {
+            let stem = name.rsplit_once('.').map_or(name, |(stem, _)| stem);
+            let name = elided(ui, stem, TextStyle::Small, text, room.width());
+            painter.galley(room.left_center() - Vec2::new(0.0, 0.5 * name.size().y), name, text);
+        }
         return;
     }
     let at = Pos2::new(room.right() + 8.0, rect.center().y);
-    let name = view.name.rsplit('/').next().unwrap_or(&view.name);
-    let font = TextStyle::Body.resolve(ui.style());
-    painter.text(at - Vec2::new(0.0, 8.0), Align2::LEFT_CENTER, name, font, text);
+    let name = elided(ui, name, TextStyle::Body, text, rect.right() - at.x);
+    painter.galley(at - Vec2::new(0.0, 8.0 + 0.5 * name.size().y), name, text);
     let (short, color) = if view.held_out { ("test", marks::HELD_OUT) } else { ("train", marks::TRAINED) };
     let color = if is_shown { text } else { as_text(color, visuals) };
     let font = TextStyle::Small.resolve(ui.style());
