@@ -181,6 +181,24 @@ fn handles_move_the_box() {
     assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)), "a handle moves no camera");
     let resized = (0..3).filter(|&axis| after.size[axis] != before.size[axis]).count();
     assert!(resized == 1 && after.center != before.center, "{before:?} {after:?}");
+    // The same where a frame is slow, and has the way to the handle, the press, and more of the way.
+    pick(&mut window, "Fit");
+    assert_eq!(window.state().crop_box().unwrap().size, before.size);
+    let at = Pos2::new(724.0, 141.0);
+    window.event(Event::PointerMoved(at + Vec2::new(-300.0, 200.0)));
+    window.step();
+    let (button, modifiers) = (PointerButton::Primary, Modifiers::NONE);
+    window.event(Event::PointerMoved(at));
+    window.event(Event::PointerButton { pos: at, button, pressed: true, modifiers });
+    window.event(Event::PointerMoved(at + Vec2::new(-15.0, 20.0)));
+    window.step();
+    window.event(Event::PointerMoved(at + Vec2::new(-30.0, 40.0)));
+    window.step();
+    super::button(&mut window, at + Vec2::new(-30.0, 40.0), button, false);
+    settle(&mut window);
+    let slow = *window.state().crop_box().unwrap();
+    assert_eq!((*window.state().navigator(), window.state().on_view()), (stood, Some(0)));
+    assert!(slow.size.distance(after.size) < 0.05 * after.size.distance(before.size), "{after:?} {slow:?}");
     assert_eq!(window.state().error(), None);
 }
 

@@ -74,7 +74,9 @@ impl Viewer {
         self.follow_placement();
         let camera = self.camera();
         panels::grab_gizmo(self, ui, &response, fitted(ratio(&camera)), &camera);
-        self.pointer(ui, &response, fitted(ratio(&camera)));
+        if !panels::grab_box(self, ui, &response, &Onto::new(&camera, fitted(ratio(&camera)), self.extent)) {
+            self.pointer(ui, &response, fitted(ratio(&camera)));
+        }
         if let Some(pose) = self.panels.path.pose(ui) {
             self.has_moved();
             self.navigator.follow(&pose);

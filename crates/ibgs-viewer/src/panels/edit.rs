@@ -6,7 +6,7 @@ mod placing;
 mod values;
 
 pub use gizmo::grab;
-pub use image::{draw, in_image};
+pub use image::{draw, grab_box, in_image};
 
 use crate::edit::{Edit, Tool};
 use crate::icons::{self, icon};

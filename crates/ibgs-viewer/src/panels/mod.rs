@@ -14,7 +14,7 @@ mod training;
 mod views;
 
 pub use bar::{bar, status};
-pub use edit::{draw as draw_edit, grab as grab_gizmo, in_image as edit_in_image};
+pub use edit::{draw as draw_edit, grab as grab_gizmo, grab_box, in_image as edit_in_image};
 pub use leaving::leaving;
 pub use settings::settings;
 pub use sides::tabs;

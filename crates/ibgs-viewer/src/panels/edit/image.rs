@@ -22,6 +22,8 @@ const MOST_MARKS: usize = 30_000;
 /// Radius of a handle in points, and of what can be grabbed around it.
 pub const HANDLE: f32 = 5.0;
 const GRIP: f32 = 9.0;
+/// Handles of the box.
+const HANDLES: usize = 7;
 
 /// What is selected, where the picture does not show it by itself, and the box.
 pub fn draw(viewer: &Viewer, painter: &Painter, onto: &Onto) {
@@ -173,22 +175,50 @@ fn shape(edit: &Edit, tool: Tool, painter: &Painter, pointer: Option<Pos2>) {
     }
 }
 
+/// A handle of the box that was pressed takes the pointer before the camera does, also where the pointer has moved on within the
+/// frame; whether one was.
+pub fn grab_box(viewer: &Viewer, ui: &Ui, response: &Response, onto: &Onto) -> bool {
+    let Some(at) = pressed(ui).filter(|_| response.is_pointer_button_down_on()) else { return false };
+    let (true, Some(Tool::Box), Some(crop)) = (viewer.edit.shown, viewer.edit.tool, &viewer.edit.crop) else {
+        return false;
+    };
+    let is_under = |&number: &usize| onto.point(place(crop, number)).is_some_and(|place| grip(place).contains(at));
+    let Some(number) = (0..HANDLES).find(is_under) else { return false };
+    ui.ctx().set_dragged_id(ui.scope_id().with(("box", number)));
+    true
+}
+
+/// Where the main button was pressed in this frame, and is still down.
+fn pressed(ui: &Ui) -> Option<Pos2> {
+    ui.input(|input| input.pointer.press_origin().filter(|_| input.pointer.primary_pressed()))
+}
+
+/// The place of a handle: on a face of the box, or the last one in its middle.
+fn place(crop: &CropBox, number: usize) -> DVec3 {
+    if number < HANDLES - 1 { crop.face(number).0 } else { crop.center }
+}
+
+/// What can be grabbed around a handle.
+fn grip(at: Pos2) -> Rect {
+    Rect::from_center_size(at, Vec2::splat(2.0 * GRIP))
+}
+
 /// Handles on the faces of the box, and one in its middle that moves it across the view.
 fn handles(crop: &mut CropBox, ui: &mut Ui, onto: &Onto) {
     let painter = ui.painter_at(onto.image);
-    for face in 0..6 {
-        let (place, out) = crop.face(face);
-        let Some(moved) = grab(ui, &painter, onto, place, face) else { continue };
+    for number in 0..HANDLES - 1 {
+        let (place, out) = crop.face(number);
+        let Some(moved) = grab(ui, &painter, onto, place, number) else { continue };
         // The way of the handle on the screen for a short step out of the box.
         let step = 1e-3 * crop.size.max_element();
         let Some((from, to)) = onto.point(place).zip(onto.point(place + out * step)) else { continue };
         let way = (to - from) / step as f32;
         // A face that is seen head on has no way to go.
         if way.length_sq() > 1e-6 {
-            crop.move_face(face, f64::from(moved.dot(way) / way.length_sq()));
+            crop.move_face(number, f64::from(moved.dot(way) / way.length_sq()));
         }
     }
-    if let Some(moved) = grab(ui, &painter, onto, crop.center, 6) {
+    if let Some(moved) = grab(ui, &painter, onto, crop.center, HANDLES - 1) {
         let camera = onto.camera;
         let pixels = moved / onto.image.size() * Vec2::new(camera.width as f32, camera.height as f32);
         let depth = camera.to_view(crop.center).z;
@@ -200,10 +230,14 @@ fn handles(crop: &mut CropBox, ui: &mut Ui, onto: &Onto) {
 /// Draws a handle; how far the pointer drags it.
 fn grab(ui: &Ui, painter: &Painter, onto: &Onto, place: DVec3, number: usize) -> Option<Vec2> {
     let at: Pos2 = onto.point(place).filter(|at| onto.image.contains(*at))?;
-    let grip = Rect::from_center_size(at, Vec2::splat(2.0 * GRIP));
-    let response =
-        ui.interact(grip, ui.scope_id().with(("box", number)), Sense::drag()).on_hover_cursor(CursorIcon::Grab);
+    let id = ui.scope_id().with(("box", number));
+    let response = ui.interact(grip(at), id, Sense::drag()).on_hover_cursor(CursorIcon::Grab);
     let fill = if response.hovered() || response.dragged() { Color32::WHITE } else { BOX };
     painter.circle(at, HANDLE, fill, Stroke::new(1.5, Color32::from_black_alpha(200)));
-    response.dragged_by(PointerButton::Primary).then(|| response.drag_delta())
+    if !response.dragged_by(PointerButton::Primary) {
+        return None;
+    }
+    // In the frame in which it is pressed, the pointer's way to it is none of the drag.
+    let now = ui.input(|input| input.pointer.latest_pos());
+    Some(pressed(ui).zip(now).map_or(response.drag_delta(), |(from, now)| now - from))
 }
