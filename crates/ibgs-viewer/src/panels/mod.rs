@@ -24,8 +24,8 @@ use crate::keys;
 use crate::mode::Mode;
 use crate::viewer::Viewer;
 use eframe::egui::{
-    self, Align2, Color32, Context, CursorIcon, FontId, Galley, Painter, Pos2, Rect, RichText, Sense, Slider, Stroke,
-    StrokeKind, TextStyle, TextWrapMode, Ui, Vec2, WidgetText,
+    self, Align2, Color32, Context, CursorIcon, FontId, Galley, Painter, Pos2, Rect, RichText, ScrollArea, Sense,
+    Slider, Stroke, StrokeKind, TextStyle, TextWrapMode, Ui, Vec2, WidgetText,
 };
 use ibgs_core::gpu::Bytes;
 use ibgs_core::local_space::Length;
@@ -53,12 +53,18 @@ pub fn around(viewer: &mut Viewer, ui: &mut Ui) {
 /// A panel over the picture, in the middle at first.
 fn floating<'open>(title: &str, ctx: &Context) -> egui::Window<'open> {
     let top = ctx.content_rect().center_top() + Vec2::new(0.0, TOP);
-    egui::Window::new(title).collapsible(false).resizable(false).pivot(Align2::CENTER_TOP).default_pos(top)
+    let window = egui::Window::new(title).collapsible(false).resizable(false).default_height(floating_height(ctx));
+    window.pivot(Align2::CENTER_TOP).default_pos(top)
 }
 
-/// Height that such a panel may have.
+/// Largest height of such a panel.
 fn floating_height(ctx: &Context) -> f32 {
     (ctx.content_rect().height() - 2.0 * TOP).max(TOP)
+}
+
+/// What such a panel holds; a low window scrolls it.
+fn scrolled(ui: &mut Ui, content: impl FnOnce(&mut Ui)) {
+    ScrollArea::vertical().max_height(floating_height(ui.ctx())).show(ui, content);
 }
 
 /// A text in one line of a width, which ends in dots where it is longer.
@@ -190,23 +196,25 @@ fn legend(painter: &Painter, at: Pos2, most: u32) {
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
     let mut open = viewer.panels.shows_help;
-    let room = ui.ctx().content_rect();
-    let window = floating("Keys and pointer", ui.ctx()).open(&mut open).vscroll(true);
-    window.max_width(room.width() - 32.0).default_height(floating_height(ui.ctx())).show(ui.ctx(), |ui| {
-        if room.width() < sides::SMALL {
-            for (key, what) in keys::help() {
-                ui.strong(key);
-                ui.label(what);
-                ui.add_space(4.0);
+    let ctx = ui.ctx();
+    let width = ctx.content_rect().width();
+    floating("Keys and pointer", ctx).open(&mut open).max_width(width - 32.0).show(ctx, |ui| {
+        scrolled(ui, |ui| {
+            if width < sides::SMALL {
+                for (key, what) in keys::help() {
+                    ui.strong(key);
+                    ui.label(what);
+                    ui.add_space(4.0);
+                }
+                return;
             }
-            return;
-        }
-        egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
-            for (key, what) in keys::help() {
-                ui.strong(key);
-                ui.label(what);
-                ui.end_row();
-            }
+            egui::Grid::new("keys").num_columns(2).striped(true).show(ui, |ui| {
+                for (key, what) in keys::help() {
+                    ui.strong(key);
+                    ui.label(what);
+                    ui.end_row();
+                }
+            });
         });
     });
     viewer.panels.shows_help = open;

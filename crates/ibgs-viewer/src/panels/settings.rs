@@ -1,18 +1,17 @@
 //! *Settings*: what is kept for every model.
 
-use super::{floating, floating_height};
+use super::{floating, scrolled};
 use crate::IN_BROWSER;
 use crate::keys;
 use crate::settings::{ANGLES, Backdrop, SPEEDS, Unit};
 use crate::viewer::Viewer;
-use eframe::egui::{ComboBox, Context, DragValue, Grid, ScrollArea, Slider, ThemePreference, Ui};
+use eframe::egui::{ComboBox, Context, DragValue, Grid, Slider, ThemePreference, Ui};
 
 /// The panel, while it is shown.
 pub fn settings(viewer: &mut Viewer, ctx: &Context) {
     let mut open = viewer.panels.shows_settings;
     floating("Settings", ctx).open(&mut open).show(ctx, |ui| {
-        // A low window scrolls it.
-        ScrollArea::vertical().max_height(floating_height(ctx)).show(ui, |ui| {
+        scrolled(ui, |ui| {
             Grid::new("settings").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
                 theme(ui);
                 background(viewer, ui);
