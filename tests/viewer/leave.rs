@@ -73,6 +73,13 @@ fn closing_with_unsaved_edits_asks() {
     let count = kept.clone();
     window.state_mut().when_kept_open(move || _ = count.fetch_add(1, Ordering::SeqCst));
     let left = counts(&window);
+    let key = |pressed| {
+        let (key, modifiers) = (Key::Q, Modifiers::COMMAND);
+        Event::Key { key, physical_key: None, pressed, repeat: false, modifiers }
+    };
+    window.event(key(true));
+    assert!(told(&mut window).contains(&ViewportCommand::Close), "as the window's button");
+    window.event(key(false));
     assert!(!close(&mut window));
     settle(&mut window);
     window.get_by_label(QUESTION);

@@ -160,13 +160,23 @@ pub fn help() -> Vec<(String, &'static str)> {
     let modes: Vec<Key> = Mode::ALL.into_iter().filter_map(Mode::key).collect();
     let modes = (format!("{} to {}", modes[0].name(), modes[modes.len() - 1].name()), "chooses what is shown");
     let pointer = POINTER.map(|(pointer, what)| (pointer.to_owned(), what));
+    let named =
+        |modifiers, key| KeyboardShortcut::new(modifiers, key).format(&ModifierNames::NAMES, cfg!(target_os = "macos"));
     let mut all: Vec<_> = pointer.into_iter().chain([fly, modes]).collect();
+    if !IN_BROWSER {
+        // Keys of egui's own.
+        let sizes = [Key::Plus, Key::Minus, Key::Num0].map(|key| named(CTRL, key)).join(", ");
+        all.extend([
+            (named(CTRL, Key::Q), "closes the window"),
+            (sizes, "text and panels larger, smaller, as at first"),
+        ]);
+    }
     let mut last = "";
     for Row { modifiers, key, what, scope, .. } in &TABLE {
         if IN_BROWSER && *scope != Scope::Picture {
             continue;
         }
-        let name = KeyboardShortcut::new(*modifiers, *key).format(&ModifierNames::NAMES, cfg!(target_os = "macos"));
+        let name = named(*modifiers, *key);
         match all.last_mut().filter(|_| last == *what) {
             Some((names, _)) => *names += &format!(", {name}"),
             None => all.push((name, what)),
