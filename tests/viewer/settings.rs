@@ -33,7 +33,10 @@ fn look_up(window: &mut Window, above: f64) {
     settle(window);
 }
 
+/// A part of the picture, without the pointer.
 fn canvas(window: &mut Window) -> Vec<[u8; 4]> {
+    window.event(Event::PointerGone);
+    window.run_steps(2);
     part(window, Vec2::new(0.5, 0.5), Vec2::new(0.75, 0.75))
 }
 
