@@ -90,8 +90,9 @@ fn describe(name: &str, file: &str, source: &str, shared: &[(&str, &str)]) -> De
         let mut other = shape(variant);
         // The host counts workgroups of these.
         let lanes_of_8 = matches!(variant, Variant::Subgroups(8) | Variant::Matrix(MatrixUnits { lanes: 8, .. }));
-        if lanes_of_8 && usual.workgroup[0].is_multiple_of(other.workgroup[0]) {
-            other.workgroup[0] = usual.workgroup[0];
+        let parts = usual.workgroup.iter().zip(&mut other.workgroup);
+        for (whole, part) in parts.filter(|(whole, part)| lanes_of_8 && whole.is_multiple_of(**part)) {
+            *part = *whole;
         }
         assert!(other == usual, "kernel {name}: its form {variant:?} has other bindings, parameters or workgroups");
     }

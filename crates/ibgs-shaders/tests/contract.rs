@@ -45,8 +45,9 @@ fn all_forms_have_the_bindings_and_workgroups_of_the_table() {
         let [entry] = &module.entry_points[..] else { panic!("{}: one entry point", kernel.name) };
         assert_eq!(entry.name, "main", "{}", kernel.name);
         let mut workgroup = entry.workgroup_size;
-        if lanes == Some(8) && kernel.workgroup[0].is_multiple_of(workgroup[0]) {
-            workgroup[0] = kernel.workgroup[0];
+        let parts = kernel.workgroup.iter().zip(&mut workgroup);
+        for (whole, part) in parts.filter(|(whole, part)| lanes == Some(8) && whole.is_multiple_of(**part)) {
+            *part = *whole;
         }
         assert_eq!(workgroup, kernel.workgroup, "{}", kernel.name);
         let mut found = 0;

@@ -5,7 +5,6 @@
 #stage image loss
 // One workgroup a tile and channel: |x - y|, SSIM, and the derivatives of SSIM by its windowed moments.
 #import ssim_moments
-#import reduce
 
 @group(0) @binding(0) var<storage, read> image: array<f32>;
 @group(0) @binding(1) var<storage, read> photo: array<u32>;
@@ -13,6 +12,45 @@
 @group(0) @binding(2) var<storage, read_write> moments: array<f32>;
 /// (sum |x - y|, sum SSIM, sum of squared errors of the clamped image, 0) of each workgroup.
 @group(0) @binding(3) var<storage, read_write> partials: array<vec4<f32>>;
+
+#if NARROW
+#import total
+
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
+    let c = wid.z;
+    let shift = moment_shift(wid.xy, c);
+    var sum = vec3(0.0);
+    for (var row = 0u; row < SIDE; row++) {
+        #repeat k 4
+        {
+            let p = column_pixel(wid.xy, $ku, row, lane);
+            let x = image[3u * p + c];
+            let texel = photo[p];
+            let y = select(x, target_channel(texel, c), target_counts(texel));
+            let is_there = is_inside(wid.xy, $ku, row, lane);
+            values[$k] = select(vec2(0.0), vec2(x, y), is_there) - shift;
+            let error = clamp(x, 0.0, 1.0) - clamp(y, 0.0, 1.0);
+            let is_own = is_there && is_of_tile($ku, row, lane);
+            sum += select(vec3(0.0), vec3(abs(values[$k].x - values[$k].y), 0.0, error * error), is_own);
+        }
+        #end
+        add_row(lane);
+        #repeat h 2
+        if is_complete(wid.xy, $hu, row, lane) {
+            let derivatives = ssim_derivatives(Means(own_sums[11 * $h], xy_sums[11 * $h]), shift);
+            store_derivatives(c, complete_pixel(wid.xy, $hu, row, lane), derivatives);
+            sum.y += derivatives.ssim;
+        }
+        #end
+    }
+    let all = vec4(total(sum.x, lane), total(sum.y, lane), total(sum.z, lane), 0.0);
+    if lane == 0u {
+        partials[(wid.z * params.tiles.y + wid.y) * params.tiles.x + wid.x] = all;
+    }
+}
+#else
+#import reduce
 
 @compute @workgroup_size(TILE, TILE)
 fn main(
@@ -52,6 +90,7 @@ fn main(
         partials[(wid.z * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum;
     }
 }
+#endif
 
 #kernel image_loss_total
 //! L1 + SSIM, sum over the tiles.
@@ -95,6 +134,33 @@ fn main(@builtin(local_invocation_index) local: u32) {
 @group(0) @binding(3) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(4) var<storage, read_write> v_image: array<f32>;
 
+// Gradient by channel c of a pixel, which is x, from the windowed sums of the derivatives.
+fn by_image(texel: u32, c: u32, x: f32, s: vec3<f32>, upstream: f32) -> f32 {
+    if !target_counts(texel) {
+        return 0.0;
+    }
+    let y = target_channel(texel, c);
+    let by_ssim = s.x + 2.0 * x * s.y + y * s.z;
+    let count = 3.0 * f32(params.size.x * params.size.y);
+    return upstream * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / count;
+}
+
+#if NARROW
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
+    let c = wid.z;
+    let upstream = v_loss[0];
+    for (var row = 0u; row < SIDE; row++) {
+        add_maps(wid.xy, c, row, lane);
+        #repeat h 2
+        if is_complete(wid.xy, $hu, row, lane) {
+            let p = complete_pixel(wid.xy, $hu, row, lane);
+            v_image[3u * p + c] = by_image(photo[p], c, image[3u * p + c], sums[11 * $h], upstream);
+        }
+        #end
+    }
+}
+#else
 @compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -102,7 +168,6 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let c = wid.z;
-    let plane = params.size.x * params.size.y;
     let pixel = wid.xy * TILE + lid.xy;
     let within = min(pixel, params.size - 1u);
     let p = within.y * params.size.x + within.x;
@@ -115,11 +180,6 @@ fn main(
         return;
     }
     let s = window_sums(lid);
-    var v = 0.0;
-    if target_counts(texel) {
-        let y = target_channel(texel, c);
-        let by_ssim = s.x + 2.0 * x * s.y + y * s.z;
-        v = upstream * ((1.0 - params.lambda) * sign(x - y) - params.lambda * by_ssim) / (3.0 * f32(plane));
-    }
-    v_image[3u * p + c] = v;
+    v_image[3u * p + c] = by_image(texel, c, x, s, upstream);
 }
+#endif

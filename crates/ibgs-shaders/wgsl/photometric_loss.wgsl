@@ -8,7 +8,6 @@
 // pixel counts where that source is there, its depth agrees, and the photo is valid there. A masked part of the photo is
 // treated as the outside of the image: both are zero there.
 #import ssim_moments
-#import reduce
 #import seen
 
 /// [V, P, 4]: colour and cosine.
@@ -19,6 +18,48 @@
 @group(0) @binding(3) var<storage, read_write> moments: array<f32>;
 /// (sum of 1 - SSIM, pixels that count) of each workgroup, source by source.
 @group(0) @binding(4) var<storage, read_write> partials: array<vec2<f32>>;
+
+#if NARROW
+#import total
+
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
+    let c = wid.z;
+    let plane = params.size.x * params.size.y;
+    let shift = moment_shift(wid.xy, c);
+    var sum = vec2(0.0);
+    for (var row = 0u; row < SIDE; row++) {
+        #repeat k 4
+        {
+            let p = column_pixel(wid.xy, $ku, row, lane);
+            let texel = photo[p];
+            let y = photo_channel(texel, c);
+            let warped_color = warped[4u * (params.visible_index * plane + p) + c];
+            let x = select(y, warped_color, seen_agrees(seen[p], params.visible_index));
+            let is_there = is_inside(wid.xy, $ku, row, lane) && photo_valid(texel);
+            values[$k] = select(vec2(0.0), vec2(x, y), is_there) - shift;
+        }
+        #end
+        add_row(lane);
+        #repeat h 2
+        if is_complete(wid.xy, $hu, row, lane) {
+            let p = complete_pixel(wid.xy, $hu, row, lane);
+            var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
+            if photo_valid(photo[p]) && seen_agrees(seen[p], params.visible_index) {
+                derivatives = ssim_derivatives(Means(own_sums[11 * $h], xy_sums[11 * $h]), shift);
+                sum += vec2(1.0 - derivatives.ssim, 1.0);
+            }
+            store_derivatives(c, p, derivatives);
+        }
+        #end
+    }
+    let all = vec2(total(sum.x, lane), total(sum.y, lane));
+    if lane == 0u {
+        partials[((3u * params.visible_index + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = all;
+    }
+}
+#else
+#import reduce
 
 @compute @workgroup_size(TILE, TILE)
 fn main(
@@ -61,6 +102,7 @@ fn main(
         partials[((3u * params.visible_index + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
     }
 }
+#endif
 
 #kernel photometric_loss_backward
 //! SSIM of a photo and the images warped to it, gradient by the warped colours, one visible source.
@@ -79,25 +121,12 @@ fn main(
 @group(0) @binding(5) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(6) var<storage, read_write> v_warped: array<f32>;
 
-@compute @workgroup_size(TILE, TILE)
-fn main(
-    @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
-    let c = wid.z;
-    let plane = params.size.x * params.size.y;
-    load_maps(wid.xy, c, local);
-    let pixel = wid.xy * TILE + lid.xy;
-    if any(pixel >= params.size) {
-        return;
-    }
-    let p = pixel.y * params.size.x + pixel.x;
-    let at = 4u * (params.visible_index * plane + p) + c;
+// Gradient by channel c of pixel p, from the windowed sums of the derivatives.
+fn store_gradient(c: u32, p: u32, s: vec3<f32>) {
+    let at = 4u * (params.visible_index * params.size.x * params.size.y + p) + c;
     let texel = photo[p];
     var v = 0.0;
     if photo_valid(texel) && seen_agrees(seen[p], params.visible_index) {
-        let s = window_sums(lid);
         let by_ssim = s.x + 2.0 * warped[at] * s.y + photo_channel(texel, c) * s.z;
         v = -v_loss[0] * params.lambda * by_ssim / stats[1];
     }
@@ -106,3 +135,32 @@ fn main(
         v_warped[at + 1u] = 0.0;
     }
 }
+
+#if NARROW
+@compute @workgroup_size(LANES)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
+    for (var row = 0u; row < SIDE; row++) {
+        add_maps(wid.xy, wid.z, row, lane);
+        #repeat h 2
+        if is_complete(wid.xy, $hu, row, lane) {
+            store_gradient(wid.z, complete_pixel(wid.xy, $hu, row, lane), sums[11 * $h]);
+        }
+        #end
+    }
+}
+#else
+@compute @workgroup_size(TILE, TILE)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(local_invocation_id) lid: vec3<u32>,
+    @builtin(local_invocation_index) local: u32,
+) {
+    let c = wid.z;
+    load_maps(wid.xy, c, local);
+    let pixel = wid.xy * TILE + lid.xy;
+    if any(pixel >= params.size) {
+        return;
+    }
+    store_gradient(c, pixel.y * params.size.x + pixel.x, window_sums(lid));
+}
+#endif
