@@ -1,80 +1,19 @@
-// For processors, one subgroup a workgroup. A driver in software reads memory lane by lane and exchanges lanes in one instruction. So
-// the lanes are pixels where they read the image, and channels where they compute, of one pixel after the other: 32 channels are
-// four numbers of each lane, and weights and their sums stay where they are.
+// For processors, one subgroup a workgroup. The lanes are pixels where they read the image, and channels where they compute. Weights
+// and their sums stay where they are.
+#import residual_mlp_narrow
 
-// Of channel 8 q + lane. Weights of the first layer by [q][number], of the second by [q][input] and [q][output], and of the
-// confidence; the biases; the sums of all gradients.
-var<private> weight1: array<f32, 4u * MLP_FEATURES>;
-var<private> weight2: array<f32, 128>;
+// Of channel 8 q + lane: weights of the second layer by [q][output], and the sums of all gradients, as their weights.
 var<private> turned2: array<f32, 128>;
-var<private> bias1: array<f32, 4>;
-var<private> bias2: array<f32, 4>;
-var<private> by_hidden: array<f32, 4>;
 var<private> v_weight1: array<f32, 4u * MLP_FEATURES>;
 var<private> v_weight2: array<f32, 128>;
 var<private> v_bias1: array<f32, 4>;
 var<private> v_bias2: array<f32, 4>;
 var<private> v_by_hidden: array<f32, 4>;
 
-// Of one pixel and source: its numbers, the hidden channels and the outputs.
-var<private> numbers: array<f32, MLP_FEATURES>;
-var<private> hidden: array<f32, 4>;
-var<private> outputs: array<f32, 4>;
-
 // Of eight pixels: numbers and presence of each source, and [pixel][q] of the gradient by the outputs.
 var<private> features: array<Feature, 4>;
 var<private> presences: array<vec2<f32>, 4>;
 var<private> gradients: array<vec4<f32>, LANES>;
-
-fn total(x: f32, lane: u32) -> f32 {
-    let two = x + subgroupShuffle(x, lane ^ 1u);
-    let four = two + subgroupShuffle(two, lane ^ 2u);
-    return four + subgroupShuffle(four, lane ^ 4u);
-}
-
-fn load_weights(lane: u32) {
-    #repeat q 4
-    {
-        let channel = 8u * $qu + lane;
-        bias1[$q] = weights[BIAS1 + channel];
-        bias2[$q] = weights[BIAS2 + channel];
-        by_hidden[$q] = weights[CONFIDENCE_OFFSET + channel];
-        #repeat n MLP_FEATURES
-        weight1[$qu * FEATURES + $nu] = weights[channel * FEATURES + $nu];
-        #end
-        #repeat n 32
-        weight2[32 * $q + $n] = weights[WEIGHT2 + channel * HIDDEN + $nu];
-        turned2[32 * $q + $n] = weights[WEIGHT2 + $nu * HIDDEN + channel];
-        #end
-    }
-    #end
-}
-
-// Runs the MLP on a pixel, of whose numbers its lane has all.
-fn forward(f: Feature, pixel: u32) {
-    #repeat n MLP_FEATURES
-    numbers[$n] = subgroupShuffle(f.numbers[$nu / 4u][$nu % 4u], pixel);
-    #end
-    #repeat q 4
-    hidden[$q] = bias1[$q];
-    #repeat n MLP_FEATURES
-    hidden[$q] = fma(weight1[$qu * FEATURES + $nu], numbers[$n], hidden[$q]);
-    #end
-    hidden[$q] = max(hidden[$q], 0.0);
-    outputs[$q] = bias2[$q];
-    #end
-    #repeat k 32
-    {
-        let x = subgroupShuffle(hidden[$k / 8], $ku % 8u);
-        #repeat q 4
-        outputs[$q] = fma(weight2[32 * $q + $k], x, outputs[$q]);
-        #end
-    }
-    #end
-    #repeat q 4
-    outputs[$q] = max(outputs[$q], 0.0);
-    #end
-}
 
 // Gradients of a pixel's source: `v`, by the outputs, and that by the logarithm of its confidence. Returns that by its colour and
 // cosine.
@@ -109,8 +48,12 @@ fn backward(v: vec4<f32>, v_confidence: f32, lane: u32) -> vec4<f32> {
 
 @compute @workgroup_size(LANES)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) lane: u32) {
-    load_weights(lane);
-    let by_error = vec2(weights[CONFIDENCE_OFFSET + HIDDEN], weights[CONFIDENCE_OFFSET + HIDDEN + 1u]);
+    load_mlp(lane);
+    #repeat q 4
+    #repeat n 32
+    turned2[32 * $q + $n] = weights[WEIGHT2 + $nu * HIDDEN + 8u * $qu + lane];
+    #end
+    #end
     var v_by_error = vec2(0.0);
     let pixels = params.low.x * params.low.y;
     let used = used_sources();
