@@ -2,29 +2,31 @@
 // passes through workgroup memory, and no workgroup is larger than the image.
 //
 // A thread owns 4 pixels of a column times 20 output channels, a subgroup a block of 8 x 4 pixels. The lanes read the 180 weights
-// of an input channel together, and each is broadcast. Sums are those of the other form, bit for bit: one `fma` after the other, by
-// input channel, then column, then row of the taps, and the bias last.
+// of an input channel together, and each is broadcast. Six parts of the source are the rows of the block and its halo, two the
+// columns at its left and right; a lane gets what is beside its own from its neighbours. Sums are those of the other form, bit for
+// bit: one `fma` after the other, by input channel, then column, then row of the taps, and the bias last.
 #import index
 #import residual_source
 
-// Pixels of a column, their sources with the halo, weights of an input channel, and the reads of a lane for them.
+// Pixels of a column, weights of an input channel, and the reads of a lane for them.
 const DEPTH: u32 = 4u;
 const WEIGHTS: u32 = 9u * CONV_OUTPUTS;
 const READS: u32 = (WEIGHTS + LANES - 1u) / LANES;
 
 var<private> sums: array<vec4<f32>, CONV_OUTPUTS>;
-// Three columns of six pixels.
+// Of one input channel: the lane's parts of the source, three columns of six pixels, and its weights.
+var<private> parts: array<f32, 8>;
 var<private> pixels: array<f32, 18>;
 var<private> lane_weights: array<f32, READS>;
 
-fn store(o: u32, x: u32, y: u32, sum: f32) {
+fn store(o: u32, x: u32, y: u32, sum: f32, bias: f32) {
     if o >= params.outputs || x >= params.size.x || y >= params.size.y {
         return;
     }
     let i = (o * params.size.y + y) * params.size.x + x;
     var value = sum;
     if params.store == STORE_RELU {
-        value = max(sum + weights[params.bias + o], 0.0);
+        value = max(sum + bias, 0.0);
     } else if params.store != STORE_ASSIGN {
         let there = output[i];
         value = select(select(0.0, sum, there > 0.0), there + sum, params.store == STORE_ADD);
@@ -47,16 +49,16 @@ fn main(
     if y >= params.size.y {
         return;
     }
-    // Places of the pixels in a plane of the source; -1 outside.
-    var at: array<i32, 18>;
-    #repeat row 6
-    #repeat column 3
+    // Places of the lane's parts in a plane of the source; -1 outside.
+    var at: array<i32, 8>;
+    #repeat k 8
     {
-        let from_row = source_of(i32(y) + $row - 1, params.size.y, params.source.y, params.mode);
-        let from_column = source_of(i32(x) + $column - 1, params.size.x, params.source.x, params.mode);
-        at[3 * $row + $column] = select(from_row * i32(params.source.x) + from_column, -1, min(from_row, from_column) < 0);
+        let row = select(lane, $ku, $k < 6);
+        let from_row = source_of(i32(y + row) - 1, params.size.y, params.source.y, params.mode);
+        let column = select(i32(x - lane) + select(-1, 8, $k == 7), i32(x), $k < 6);
+        let from_column = source_of(column, params.size.x, params.source.x, params.mode);
+        at[$k] = select(from_row * i32(params.source.x) + from_column, -1, min(from_row, from_column) < 0);
     }
-    #end
     #end
     // Places of a lane's weights, and whether they are there.
     var first_weight: array<u32, READS>;
@@ -79,52 +81,67 @@ fn main(
         let second = c >= params.channels_a;
         let first = i32(select(c, c - params.channels_a, second)) * plane;
         if second {
-            #repeat p 18
-            pixels[$p] = input_b[first + max(at[$p], 0)];
+            #repeat k 8
+            parts[$k] = input_b[first + max(at[$k], 0)];
             #end
         } else {
-            #repeat p 18
-            pixels[$p] = input_a[first + max(at[$p], 0)];
+            #repeat k 8
+            parts[$k] = input_a[first + max(at[$k], 0)];
             #end
             // The others of 2 x 2.
             for (var step = 1u; step < steps; step++) {
                 let shift = first + i32((step / 2u) * params.source.x + step % 2u);
-                #repeat p 18
-                pixels[$p] = max(pixels[$p], input_a[max(at[$p], 0) + shift]);
+                #repeat k 8
+                parts[$k] = max(parts[$k], input_a[max(at[$k], 0) + shift]);
                 #end
             }
         }
-        #repeat p 18
-        pixels[$p] = select(pixels[$p], 0.0, at[$p] < 0);
+        #repeat k 8
+        parts[$k] = select(parts[$k], 0.0, at[$k] < 0);
+        #end
+        #repeat row 6
+        {
+            let left = subgroupShuffle(parts[$row], (lane + 7u) % LANES);
+            let right = subgroupShuffle(parts[$row], (lane + 1u) % LANES);
+            pixels[3 * $row] = select(left, subgroupBroadcast(parts[6], $rowu), lane == 0u);
+            pixels[3 * $row + 1] = parts[$row];
+            pixels[3 * $row + 2] = select(right, subgroupBroadcast(parts[7], $rowu), lane == LANES - 1u);
+        }
         #end
         #repeat k 23
         lane_weights[$k] = select(0.0, weights[first_weight[$k] + select(0u, c * params.stride_in, is_weight[$k])], is_weight[$k]);
         #end
         // In the order of the other form, so that both give the same bits.
+        #repeat o 20
         #repeat column 3
         #repeat row 3
-        {
-            let x = vec4(
+        sums[$o] = fma(
+            vec4(subgroupBroadcast(lane_weights[(20 * (3 * $row + $column) + $o) / 8], (20u * (3u * $row + $column) + $o) % 8u)),
+            vec4(
                 pixels[3 * $row + $column],
                 pixels[3 * $row + $column + 3],
                 pixels[3 * $row + $column + 6],
                 pixels[3 * $row + $column + 9],
-            );
-            #repeat o 20
-            sums[$o] = fma(
-                vec4(subgroupBroadcast(lane_weights[(20 * (3 * $row + $column) + $o) / 8], (20u * (3u * $row + $column) + $o) % 8u)),
-                x,
-                sums[$o],
-            );
-            #end
-        }
+            ),
+            sums[$o],
+        );
+        #end
         #end
         #end
     }
+    // The biases are read together too.
+    var biases: array<f32, 3>;
+    #repeat k 3
+    biases[$k] = weights[params.bias + min(group * CONV_OUTPUTS + $k * LANES + lane, params.outputs - 1u)];
+    #end
     #repeat o 20
-    store(group * CONV_OUTPUTS + $o, x, y, sums[$o].x);
-    store(group * CONV_OUTPUTS + $o, x, y + 1u, sums[$o].y);
-    store(group * CONV_OUTPUTS + $o, x, y + 2u, sums[$o].z);
-    store(group * CONV_OUTPUTS + $o, x, y + 3u, sums[$o].w);
+    {
+        let o = group * CONV_OUTPUTS + $o;
+        let bias = subgroupBroadcast(biases[$o / 8], $ou % 8u);
+        store(o, x, y, sums[$o].x, bias);
+        store(o, x, y + 1u, sums[$o].y, bias);
+        store(o, x, y + 2u, sums[$o].z, bias);
+        store(o, x, y + 3u, sums[$o].w, bias);
+    }
     #end
 }
