@@ -64,7 +64,7 @@ impl UNet {
         let units = gpu.matrix_units.filter(|_| arithmetic == Arithmetic::Half);
         let (arithmetic, backend): (_, Box<dyn Backend>) = match units {
             Some(units) => (Arithmetic::Half, Box::new(Half::new(gpu, units, size, keep)?)),
-            None => (Arithmetic::Full, Box::new(Full)),
+            None => (Arithmetic::Full, Box::new(Full::new(gpu))),
         };
         let maps = Activations::new(gpu, arithmetic, size, keep)?;
         let gradients = match keep {

@@ -2,7 +2,7 @@
 
 use super::backend::{Backend, BackwardBuffers, conv_input, splits};
 use super::memory::{Activations, Map};
-use crate::gpu::{Buffer, Pass};
+use crate::gpu::{Buffer, Gpu, Pass};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part};
 use ibgs_shaders::Store;
@@ -17,6 +17,8 @@ use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams,
 const HEAD_PIXELS: u32 = 512;
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 8;
+/// The same on processors, which write and add rows of partial sums slowly.
+const MIN_TILES_NARROW: u32 = 20;
 /// Most workgroups that share the sums of one layer's weight gradient: two for each of a large GPU's 132
 /// multiprocessors.
 const MAX_SPLITS: u32 = 264;
@@ -25,7 +27,22 @@ const LONGEST_ROW: usize = 9 * INPUT * INPUT + INPUT;
 
 /// Float32.
 #[derive(Debug)]
-pub(super) struct Full;
+pub(super) struct Full {
+    /// Fewest tiles for a workgroup of its own.
+    fewest: u32,
+}
+
+impl Full {
+    pub(super) fn new(gpu: &Gpu) -> Self {
+        let is_narrow = gpu.subgroup_lanes == Some(8);
+        Self { fewest: if is_narrow { MIN_TILES_NARROW } else { MIN_TILES } }
+    }
+
+    /// Workgroups that share the sums of a weight gradient.
+    fn splits(&self, tiles: u32) -> u32 {
+        splits(tiles, self.fewest, MAX_SPLITS)
+    }
+}
 
 /// Tiles of 16 x 2 pixels, those of `residual_conv_weights`.
 fn conv_tiles(size: [u32; 2]) -> u32 {
@@ -102,7 +119,7 @@ impl Backend for Full {
         let params = head_params(maps);
         let (d1, x, f) = (maps.d1.planes(), maps.x.planes(), maps.f.planes());
         // Light workgroups: twice as many fit a multiprocessor, and their rows of sums are a quarter as long.
-        let splits = 2 * splits(params.pixels.div_ceil(32), MIN_TILES, MAX_SPLITS);
+        let splits = 2 * self.splits(params.pixels.div_ceil(32));
         let partials = &gradients.partials;
         let bindings = ResidualHeadWeightsBindings { weights, d1, x, f, v_residual, partials };
         pass.grid(&bindings, &params, [splits, 1, 1]);
@@ -117,7 +134,7 @@ impl Backend for Full {
 
     fn weight_gradient(&self, pass: &mut Pass, buffers: &BackwardBuffers, part: Part, v: &Map, input: &Map) {
         let (inputs, outputs) = (input.channels as u32, v.channels as u32);
-        let splits = splits(conv_tiles(v.size), MIN_TILES, MAX_SPLITS);
+        let splits = self.splits(conv_tiles(v.size));
         let mode = conv_input(input.size, v.size) as u32;
         let params = ConvWeightsParams { size: v.size, source: input.size, mode, inputs, outputs, splits };
         let partials = &buffers.gradients.partials;
@@ -168,6 +185,6 @@ impl Backend for Full {
 
     fn partials(&self, size: [u32; 2]) -> usize {
         // The head has twice as many rows a quarter as long, and its blocks of 32 pixels are no more than the tiles.
-        LONGEST_ROW * splits(conv_tiles(size), MIN_TILES, MAX_SPLITS) as usize
+        LONGEST_ROW * self.splits(conv_tiles(size)) as usize
     }
 }
