@@ -2,11 +2,11 @@
 #set render
 #stage sort
 // One workgroup a tile: its list by depth. Equal depths come by emission index, which is the order of the Gaussians; as no two
-// entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted in registers, then
-// merged, two at a time, between the list and the outputs; where many depths are equal, the entries themselves are merged.
+// entries are equal, the order is the same however the list was filled. Blocks of SORT_BLOCK entries are sorted, in one way for
+// processors, which have subgroups of 8 lanes, and in another for other devices. Then blocks are merged, two at a time, between the
+// list and the outputs.
 #import frame
 #import tile_order
-#import sort_block
 
 @group(0) @binding(0) var<storage, read> tile_ranges: array<u32>;
 @group(0) @binding(1) var<storage, read> isect_to_gaussian: array<u32>;
@@ -16,18 +16,13 @@
 @group(0) @binding(3) var<storage, read_write> sorted_gaussians: array<u32>;
 @group(0) @binding(4) var<storage, read_write> sorted_isects: array<u32>;
 
-// An entry of a sorted block, to the outputs: its key where blocks will be merged, its Gaussian where it is the only one.
-fn store(word: u32, place: u32, start: u32, count: u32, is_only: bool) {
-    if place < count {
-        let entry = list[start + (word & NUMBER)];
-        let at = start + place_of(place, word, entry, start, count);
-        sorted_isects[at] = entry.y;
-        if is_only {
-            sorted_gaussians[at] = isect_to_gaussian[entry.y];
-        } else {
-            sorted_gaussians[at] = entry.x;
-        }
-    }
+fn is_before(a: vec2<u32>, b: vec2<u32>) -> bool {
+    return a.x < b.x || (a.x == b.x && a.y < b.y);
+}
+
+fn store_sorted(at: u32, isect: u32) {
+    sorted_gaussians[at] = isect_to_gaussian[isect];
+    sorted_isects[at] = isect;
 }
 
 fn load(is_list: bool, at: u32) -> vec2<u32> {
@@ -80,62 +75,8 @@ fn merge(thread: u32, is_list: bool, start: u32, count: u32, run: u32) {
     }
 }
 
-@compute @workgroup_size(THREADS)
-fn main(
-    @builtin(workgroup_id) wid: vec3<u32>,
-    #if SUBGROUPS
-    @builtin(subgroup_id) subgroup: u32,
-    @builtin(subgroup_invocation_id) lane: u32,
-    #else
-    @builtin(local_invocation_index) thread: u32,
-    #endif
-) {
-    #if SUBGROUPS
-    let thread = subgroup * LANES + lane;
-    #endif
-    let tile = tile_of(wid);
-    let start = tile_ranges[2u * tile];
-    let count = tile_ranges[2u * tile + 1u] - start;
-    if thread == 0u {
-        atomicStore(&differing, 0u);
-        atomicStore(&tied, 0u);
-    }
-    workgroupBarrier();
-    // Runs that are in order, and where they lie.
-    var sorted = SORT_BLOCK;
-    var is_list = false;
-    for (var first = 0u; first < count; first += SORT_BLOCK) {
-        let size = min(SORT_BLOCK, count - first);
-        let own = sorted_words(thread, start + first, size);
-        #repeat k 4
-        store(own.near[$k], OWN * thread + $ku, start + first, size, count <= SORT_BLOCK);
-        store(own.far[$k], OWN * thread + 4u + $ku, start + first, size, count <= SORT_BLOCK);
-        #end
-        workgroupBarrier();
-        if thread == 0u {
-            tied_now = atomicLoad(&tied);
-        }
-        if workgroupUniformLoad(&tied_now) == 1u {
-            // The list is as it was.
-            sorted = 1u;
-            is_list = true;
-            break;
-        }
-    }
-    if count <= sorted {
-        return;
-    }
-    for (var run = sorted; run < count; run *= 2u) {
-        storageBarrier();
-        workgroupBarrier();
-        merge(thread, is_list, start, count, run);
-        is_list = !is_list;
-    }
-    storageBarrier();
-    workgroupBarrier();
-    for (var i = thread; i < count; i += THREADS) {
-        let isect = load(is_list, start + i).y;
-        sorted_gaussians[start + i] = isect_to_gaussian[isect];
-        sorted_isects[start + i] = isect;
-    }
-}
+#if NARROW
+#import tile_sort_narrow
+#else
+#import tile_sort_wide
+#endif

@@ -25,10 +25,6 @@ var<workgroup> differing: atomic<u32>;
 var<workgroup> tied: atomic<u32>;
 var<workgroup> tied_now: u32;
 
-fn is_before(a: vec2<u32>, b: vec2<u32>) -> bool {
-    return a.x < b.x || (a.x == b.x && a.y < b.y);
-}
-
 // Puts in order the words beside each other.
 fn order_pairs(v: vec4<u32>) -> vec4<u32> {
     let small = min(v.xz, v.yw);

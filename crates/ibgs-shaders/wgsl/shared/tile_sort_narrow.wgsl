@@ -1,0 +1,71 @@
+// An entry's place in its block is the number of those before it. A subgroup counts for 64 entries of the block, a lane for eight, and
+// the lanes hand on what they read. lavapipe ends a thread's loops after 65,535 steps, so one subgroup alone could not sort a long list.
+
+const BLOCK: u32 = 1024u;
+const THREADS: u32 = BLOCK / 8u;
+
+fn entry_at(start: u32, count: u32, i: u32) -> vec2<u32> {
+    return select(vec2(0xffffffffu), list[start + min(i, count - 1u)], i < count);
+}
+
+// Sorts `count` entries of the list from `start` on, at most BLOCK, to the outputs: as a whole list, or as keys and isects that are
+// merged.
+fn sort_block(subgroup: u32, lane: u32, start: u32, count: u32, is_whole: bool) {
+    let first = 8u * LANES * subgroup + lane;
+    #repeat k 8
+    let own_$k = entry_at(start, count, first + $ku * LANES);
+    var before_$k = 0u;
+    #end
+    let end = select(0u, count, 8u * LANES * subgroup < count);
+    for (var i = lane; i < end + lane; i += LANES) {
+        let read = entry_at(start, count, i);
+        #repeat r 8
+        {
+            let other = subgroupShuffle(read, (lane + $ru) % LANES);
+            #repeat k 8
+            before_$k += select(0u, 1u, is_before(other, own_$k));
+            #end
+        }
+        #end
+    }
+    #repeat k 8
+    if first + $ku * LANES < count {
+        let at = start + before_$k;
+        sorted_gaussians[at] = own_$k.x;
+        sorted_isects[at] = own_$k.y;
+        if is_whole {
+            store_sorted(at, own_$k.y);
+        }
+    }
+    #end
+}
+
+@compute @workgroup_size(THREADS)
+fn main(
+    @builtin(workgroup_id) wid: vec3<u32>,
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+) {
+    let thread = LANES * subgroup + lane;
+    let tile = tile_of(wid);
+    let start = tile_ranges[2u * tile];
+    let count = tile_ranges[2u * tile + 1u] - start;
+    for (var first = 0u; first < count; first += BLOCK) {
+        sort_block(subgroup, lane, start + first, min(BLOCK, count - first), count <= BLOCK);
+    }
+    if count <= BLOCK {
+        return;
+    }
+    var is_list = false;
+    for (var run = BLOCK; run < count; run *= 2u) {
+        storageBarrier();
+        workgroupBarrier();
+        merge(thread, is_list, start, count, run);
+        is_list = !is_list;
+    }
+    storageBarrier();
+    workgroupBarrier();
+    for (var i = thread; i < count; i += THREADS) {
+        store_sorted(start + i, load(is_list, start + i).y);
+    }
+}
