@@ -21,7 +21,7 @@ fn backward(v: vec4<f32>, v_confidence: f32, lane: u32) -> vec4<f32> {
     var v_hidden = v_confidence * vec4(by_hidden[0], by_hidden[1], by_hidden[2], by_hidden[3]);
     #repeat k 32
     {
-        let x = subgroupShuffle(hidden[$k / 8], $ku % 8u);
+        let x = all_hidden[$k];
         let by = subgroupShuffle(v[$k / 8], $ku % 8u);
         #repeat q 4
         v_weight2[32 * $q + $k] = fma(v[$q], x, v_weight2[32 * $q + $k]);

@@ -6,18 +6,26 @@
 var<private> given: array<vec4<f32>, LANES>;
 var<private> merged: array<vec4<f32>, LANES>;
 
-// Runs the MLP on the m-th visible source of eight pixels, of which `feature` is the lane's. Returns the hidden channels' part of the
-// logarithm of the confidence in the lane's.
-fn give(f: Feature, lane: u32) -> f32 {
+// Runs the MLP on a visible source of eight pixels, of which `f` is the lane's, and so is `start`, the logarithm of the confidence before
+// the hidden channels' part. Returns the whole of it for the lane's.
+fn give(f: Feature, start: f32, lane: u32) -> f32 {
     var own = 0.0;
     for (var p = 0u; p < LANES; p++) {
         forward(f, p);
         given[p] = vec4(outputs[0], outputs[1], outputs[2], outputs[3]);
-        var part = 0.0;
-        #repeat q 4
-        part += hidden[$q] * by_hidden[$q];
+        var confidence = subgroupShuffle(start, p);
+        #repeat j 8
+        confidence += dot(
+            vec4(all_hidden[4 * $j], all_hidden[4 * $j + 1], all_hidden[4 * $j + 2], all_hidden[4 * $j + 3]),
+            vec4(
+                subgroupBroadcast(by_hidden[$j / 2], 4u * ($ju % 2u)),
+                subgroupBroadcast(by_hidden[$j / 2], 4u * ($ju % 2u) + 1u),
+                subgroupBroadcast(by_hidden[$j / 2], 4u * ($ju % 2u) + 2u),
+                subgroupBroadcast(by_hidden[$j / 2], 4u * ($ju % 2u) + 3u),
+            ),
+        );
         #end
-        own += select(0.0, total(part, lane), lane == p);
+        own = select(own, confidence, lane == p);
     }
     return own;
 }
@@ -63,7 +71,7 @@ fn main(
         var confidences = 1.0;
         for (var m = 0u; m < used; m++) {
             let present = presence(c, m);
-            let confidence = give(feature(c, m), lane) + by_error.x * present.y + by_error.y;
+            let confidence = give(feature(c, m), by_error.x * present.y + by_error.y, lane);
             let is_there = present.x > 0.0;
             let next = select(top, max(top, confidence), is_there);
             let kept = select(1.0, exp(top - next), is_soft);

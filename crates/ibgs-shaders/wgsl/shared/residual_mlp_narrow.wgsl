@@ -11,9 +11,10 @@ var<private> by_hidden: array<f32, 4>;
 // Weight of the depth's error in the confidence, and its bias.
 var<private> by_error: vec2<f32>;
 
-// Of one pixel and source: its numbers, the hidden channels and the outputs.
+// Of one pixel and source: its numbers, the hidden channels, all of them too, and the outputs.
 var<private> numbers: array<f32, MLP_FEATURES>;
 var<private> hidden: array<f32, 4>;
+var<private> all_hidden: array<f32, HIDDEN>;
 var<private> outputs: array<f32, 4>;
 
 fn load_mlp(lane: u32) {
@@ -34,26 +35,33 @@ fn load_mlp(lane: u32) {
     #end
 }
 
-// Runs the MLP on a pixel, of whose numbers its lane has all.
+// Runs the MLP on a pixel, of whose numbers its lane has all. Sums are those of residual_mlp, bit for bit.
 fn forward(f: Feature, pixel: u32) {
     #repeat n MLP_FEATURES
     numbers[$n] = subgroupShuffle(f.numbers[$nu / 4u][$nu % 4u], pixel);
     #end
     #repeat q 4
-    hidden[$q] = bias1[$q];
-    #repeat n MLP_FEATURES
-    hidden[$q] = fma(weight1[$qu * FEATURES + $nu], numbers[$n], hidden[$q]);
-    #end
-    hidden[$q] = max(hidden[$q], 0.0);
-    outputs[$q] = bias2[$q];
+    {
+        var parts: array<f32, MLP_QUADS>;
+        #repeat n MLP_FEATURES
+        {
+            let term = numbers[$n] * weight1[$qu * FEATURES + $nu];
+            parts[$nu / 4u] = select(parts[$nu / 4u] + term, term, $nu % 4u == 0u);
+        }
+        #end
+        var sum = 0.0;
+        #repeat m MLP_QUADS
+        sum = select(sum + parts[$m], parts[$m], $m == 0);
+        #end
+        hidden[$q] = max(sum + bias1[$q], 0.0);
+        outputs[$q] = bias2[$q];
+    }
     #end
     #repeat k 32
-    {
-        let x = subgroupShuffle(hidden[$k / 8], $ku % 8u);
-        #repeat q 4
-        outputs[$q] = fma(weight2[32 * $q + $k], x, outputs[$q]);
-        #end
-    }
+    all_hidden[$k] = subgroupShuffle(hidden[$k / 8], $ku % 8u);
+    #repeat q 4
+    outputs[$q] += all_hidden[$k] * weight2[32 * $q + $k];
+    #end
     #end
     #repeat q 4
     outputs[$q] = max(outputs[$q], 0.0);
