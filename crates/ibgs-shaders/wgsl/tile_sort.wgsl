@@ -75,6 +75,22 @@ fn merge(thread: u32, is_list: bool, start: u32, count: u32, run: u32) {
     }
 }
 
+// Merges runs of `sorted` entries, which lie in the list or the outputs, until one is left, and gives the outputs their form.
+fn merge_all(thread: u32, start: u32, count: u32, sorted: u32, in_list: bool) {
+    var is_list = in_list;
+    for (var run = sorted; run < count; run *= 2u) {
+        storageBarrier();
+        workgroupBarrier();
+        merge(thread, is_list, start, count, run);
+        is_list = !is_list;
+    }
+    storageBarrier();
+    workgroupBarrier();
+    for (var i = thread; i < count; i += THREADS) {
+        store_sorted(start + i, load(is_list, start + i).y);
+    }
+}
+
 #if NARROW
 #import tile_sort_narrow
 #else

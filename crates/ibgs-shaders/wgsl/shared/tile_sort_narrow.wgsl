@@ -53,19 +53,7 @@ fn main(
     for (var first = 0u; first < count; first += BLOCK) {
         sort_block(subgroup, lane, start + first, min(BLOCK, count - first), count <= BLOCK);
     }
-    if count <= BLOCK {
-        return;
-    }
-    var is_list = false;
-    for (var run = BLOCK; run < count; run *= 2u) {
-        storageBarrier();
-        workgroupBarrier();
-        merge(thread, is_list, start, count, run);
-        is_list = !is_list;
-    }
-    storageBarrier();
-    workgroupBarrier();
-    for (var i = thread; i < count; i += THREADS) {
-        store_sorted(start + i, load(is_list, start + i).y);
+    if count > BLOCK {
+        merge_all(thread, start, count, BLOCK, false);
     }
 }

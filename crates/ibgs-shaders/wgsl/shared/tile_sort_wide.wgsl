@@ -39,7 +39,7 @@ fn main(
     workgroupBarrier();
     // Runs that are in order, and where they lie.
     var sorted = SORT_BLOCK;
-    var is_list = false;
+    var in_list = false;
     for (var first = 0u; first < count; first += SORT_BLOCK) {
         let size = min(SORT_BLOCK, count - first);
         let own = sorted_words(thread, start + first, size);
@@ -54,22 +54,11 @@ fn main(
         if workgroupUniformLoad(&tied_now) == 1u {
             // The list is as it was.
             sorted = 1u;
-            is_list = true;
+            in_list = true;
             break;
         }
     }
-    if count <= sorted {
-        return;
-    }
-    for (var run = sorted; run < count; run *= 2u) {
-        storageBarrier();
-        workgroupBarrier();
-        merge(thread, is_list, start, count, run);
-        is_list = !is_list;
-    }
-    storageBarrier();
-    workgroupBarrier();
-    for (var i = thread; i < count; i += THREADS) {
-        store_sorted(start + i, load(is_list, start + i).y);
+    if count > sorted {
+        merge_all(thread, start, count, sorted, in_list);
     }
 }
