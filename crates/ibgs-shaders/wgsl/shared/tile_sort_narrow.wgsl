@@ -1,8 +1,11 @@
-// An entry's place in its block is the number of those before it. A subgroup counts for 64 entries of the block, a lane for eight, and
-// the lanes hand on what they read. lavapipe ends a thread's loops after 65,535 steps, so one subgroup alone could not sort a long list.
+// An entry's place in its block is the number of those before it. A subgroup counts for 64 entries of a block, a lane for eight, and
+// the lanes hand on what they read. lavapipe ends a thread's loops after 65,535 steps in all, so few threads could not sort a long list:
+// those of half the workgroup have every second block.
 
-const BLOCK: u32 = 1024u;
-const THREADS: u32 = BLOCK / 8u;
+const THREADS: u32 = SORT_BLOCK / 8u;
+const BLOCK: u32 = SORT_BLOCK / 2u;
+// Subgroups of a block.
+const HALF: u32 = BLOCK / (8u * LANES);
 
 fn entry_at(start: u32, count: u32, i: u32) -> vec2<u32> {
     return select(vec2(0xffffffffu), list[start + min(i, count - 1u)], i < count);
@@ -50,8 +53,8 @@ fn main(
     let tile = tile_of(wid);
     let start = tile_ranges[2u * tile];
     let count = tile_ranges[2u * tile + 1u] - start;
-    for (var first = 0u; first < count; first += BLOCK) {
-        sort_block(subgroup, lane, start + first, min(BLOCK, count - first), count <= BLOCK);
+    for (var first = BLOCK * (subgroup / HALF); first < count; first += 2u * BLOCK) {
+        sort_block(subgroup % HALF, lane, start + first, min(BLOCK, count - first), count <= BLOCK);
     }
     if count > BLOCK {
         merge_all(thread, start, count, BLOCK, false);
