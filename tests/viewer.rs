@@ -3,6 +3,7 @@
 mod edit;
 mod edit_ensemble;
 mod edit_place;
+mod edit_removed;
 mod edit_tools;
 mod leave;
 mod look;

@@ -5,11 +5,13 @@ mod base;
 mod frame;
 mod image_part;
 mod photo_errors;
+mod removed;
 
 pub(crate) use frame::FrameSource;
 pub use frame::{Frame, Rendered};
 pub use image_part::{ImageOptions, ImagePart};
 pub use photo_errors::PhotoErrors;
+pub use removed::Removed;
 
 use crate::camera::Camera;
 use crate::exposure::{ExposureField, ExposurePass, Exposures};
@@ -69,7 +71,10 @@ impl Renderer {
     /// The same renderer of other Gaussians in the same space; both share photos, network and scratch memory.
     pub fn with_splats(&self, splats: Splats) -> Self {
         let gpu = self.gpu();
-        let stage = |stage: &ImageStage| ImageStage::new(gpu, stage.part.clone(), stage.residual.clone());
+        let stage = |stage: &ImageStage| ImageStage {
+            removed: stage.removed.clone(),
+            ..ImageStage::new(gpu, stage.part.clone(), stage.residual.clone())
+        };
         Self {
             raster: self.raster.clone(),
             splats,
@@ -350,13 +355,20 @@ impl Renderer {
         let photos = stage.part.photos.photos(&chosen)?;
         let mut depths = stage.depths.lock().expect("depth cache");
         let source = |(&index, photo)| {
-            let camera = self.space().camera(&stage.part.cameras[index]);
+            let camera = &stage.part.cameras[index];
+            let own = (photo, stage.part.photos.on_host(index).clone());
+            let (photo, host) = match &stage.removed {
+                Some(removed) => removed.source(index, camera, own)?,
+                None => own,
+            };
+            let camera = self.space().camera(camera);
             let make = || self.raster.depth_map(&self.splats, &self.view(&camera), room);
             let depth = depths.get_or_make(index, make)?;
-            Ok(SourceView { camera, photo, depth })
+            Ok((SourceView { camera, photo, depth }, host))
         };
-        let views = chosen.iter().zip(photos).map(source).collect::<Result<_, GpuError>>()?;
-        Ok(Sources { indices: chosen, views })
+        let sources = chosen.iter().zip(photos).map(source).collect::<Result<Vec<_>, GpuError>>()?;
+        let (views, photos) = sources.into_iter().unzip();
+        Ok(Sources { indices: chosen, views, photos })
     }
 }
 

@@ -5,6 +5,7 @@
 mod formats;
 mod kernels;
 mod photo_errors;
+mod removed;
 mod source_store;
 mod subgroups;
 mod window_errors;

@@ -9,7 +9,7 @@ use ibgs_core::camera::Camera;
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::edit::{Bases, Mask};
 use ibgs_core::model::{Model, is_bundle};
-use ibgs_core::render::{PhotoErrors, Renderer};
+use ibgs_core::render::{PhotoErrors, Removed, Renderer};
 use ibgs_core::scene::{Format, Gaussians, Splats, write_gaussians};
 use ibgs_core::similarity::Similarity;
 use std::path::PathBuf;
@@ -98,6 +98,8 @@ pub struct EditWork {
     asked: Option<EditShown>,
     /// What the renderers have now; none: all.
     left: Option<Arc<Mask>>,
+    /// What their photos show besides.
+    removed: Option<Arc<Removed>>,
     /// Which state it is now.
     pub revision: u32,
     /// The comparison that is going on.
@@ -132,7 +134,8 @@ impl EditWork {
                 if whole.joined().len() != save.left.total() {
                     return Ok(None);
                 }
-                let text = write(&save, whole.left(&save.left))?;
+                let removed = || removed(renderer, whole, &save.left);
+                let text = write(&save, whole.left(&save.left), removed)?;
                 Ok(Some(EditMessage::Saved(text, save.left, save.placement)))
             }
         }
@@ -160,10 +163,15 @@ impl EditWork {
             Some(before) => **before != *left,
             None => left.count() < left.total(),
         };
-        let plain = is_new.then(|| uploaded(renderer, whole.left(&left))).transpose()?;
-        let is_tinted = tinted.count() > 0;
-        let tinted = is_tinted.then(|| uploaded(renderer, whole.tinted(&left, &tinted, SELECTED))).transpose()?;
-        self.left = Some(left);
+        let removed = match is_new {
+            true if renderer.part().is_some() => removed(renderer, whole, &left)?,
+            true => None,
+            false => self.removed.clone(),
+        };
+        let plain = is_new.then(|| uploaded(renderer, whole.left(&left), &removed)).transpose()?;
+        let tint = || uploaded(renderer, whole.tinted(&left, &tinted, SELECTED), &removed);
+        let tinted = (tinted.count() > 0).then(tint).transpose()?;
+        (self.left, self.removed) = (Some(left), removed);
         Ok(Some(EditedRenderers { plain, tinted }))
     }
 }
@@ -224,10 +232,22 @@ impl EditWork {
     }
 }
 
+/// What the photos of a model show besides what is left of it, if anything.
+fn removed(renderer: &Renderer, whole: &Bases, left: &Mask) -> Result<Option<Arc<Removed>>> {
+    match left.count() < left.total() {
+        true => Ok(Some(Arc::new(renderer.removed(&whole.marked(left))?))),
+        false => Ok(None),
+    }
+}
+
 /// A renderer with other Gaussians: those of the first base and of the members.
-fn uploaded(renderer: &Renderer, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<Renderer> {
+fn uploaded(
+    renderer: &Renderer,
+    (first, further): (Gaussians, Vec<Gaussians>),
+    removed: &Option<Arc<Removed>>,
+) -> Result<Renderer> {
     let with = |renderer: &Renderer, gaussians| -> Result<Renderer> {
-        Ok(renderer.with_splats(Splats::upload(gaussians, renderer.gpu())?))
+        Ok(renderer.with_splats(Splats::upload(gaussians, renderer.gpu())?).hiding(removed.clone()))
     };
     let members = renderer.members().iter().zip(&further).map(|(member, left)| with(member, left));
     let members = members.collect::<Result<_>>()?;
@@ -244,9 +264,13 @@ fn downloaded(renderer: &Renderer) -> Result<Bases> {
     Ok(Bases::new(own(renderer)?, further))
 }
 
-/// Writes a file and says what it is and what it leaves out. A bundle has every base; a format of Gaussians alone has room
-/// for the first.
-fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Result<String> {
+/// Writes a file and says what it is and what it leaves out. A bundle has every base, and photos in which what was `removed` is
+/// hidden; a format of Gaussians alone has room for the first.
+fn write(
+    save: &SaveEdited,
+    (first, further): (Gaussians, Vec<Gaussians>),
+    removed: impl FnOnce() -> Result<Option<Arc<Removed>>>,
+) -> Result<String> {
     let SaveEdited { path, model, placement, .. } = save;
     if path.as_os_str().is_empty() {
         bail!("give the file a name that ends in `.ply` or `.ibgs`");
@@ -279,7 +303,16 @@ fn write(save: &SaveEdited, (first, further): (Gaussians, Vec<Gaussians>)) -> Re
     for (member, gaussians) in model.members.iter_mut().zip(further) {
         member.gaussians = gaussians;
     }
+    let cameras: Vec<Camera> = model.training_views().iter().map(|record| record.camera).collect();
     model.place(placement);
-    model.into_bundle(&())?.write(path, Packing::Lossless)?;
+    let mut bundle = model.into_bundle(&())?;
+    if let Some(removed) = removed()? {
+        for ((_, photo), camera) in bundle.photos.iter_mut().zip(&cameras) {
+            if let Some(hidden) = removed.hide(camera, photo)? {
+                *photo = hidden.into();
+            }
+        }
+    }
+    bundle.write(path, Packing::Lossless)?;
     Ok(text)
 }

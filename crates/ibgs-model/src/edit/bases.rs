@@ -57,6 +57,18 @@ impl Bases {
         })
     }
 
+    /// All Gaussians of each base in one colour: black what a mask leaves, white what it removes.
+    ///
+    /// # Panics
+    /// As [`Bases::left`].
+    pub fn marked(&self, mask: &Mask) -> Vec<Gaussians> {
+        let (first, further) = self.cut(&Mask::all(mask.total()), |i, sh| {
+            let color = if mask.has(i) { 0.0 } else { 1.0 };
+            sh[..3].fill((color - 0.5) / SH_C0 as f32);
+        });
+        std::iter::once(first).chain(further).map(|base| base.with_sh_degree(0)).collect()
+    }
+
     /// What a mask leaves, after a change of the spherical harmonics by the number in the list.
     fn cut(&self, mask: &Mask, change: impl Fn(usize, &mut [f32])) -> (Gaussians, Vec<Gaussians>) {
         assert_eq!(mask.total(), self.joined.len(), "the mask is of another model");
@@ -130,6 +142,20 @@ mod tests {
         assert!(super::super::color(&one, 0).abs_diff_eq(mixed(0, &plain), 1e-5));
         assert!(super::super::color(&two[0], 1).abs_diff_eq(mixed(1, &others[0]), 1e-5));
         assert!(one.sh[3..12].iter().zip(&plain.sh[3..12]).all(|(now, before)| (now - 0.4 * before).abs() < 1e-6));
+    }
+
+    #[test]
+    fn what_a_mask_removes_is_white_and_the_rest_black() {
+        let [first, second] = [random_gaussians(4, 2, 1), random_gaussians(3, 0, 2)];
+        let bases = Bases::new(first.clone(), vec![second]);
+        let marked = bases.marked(&Mask::of(7, |i| i != 1 && i != 6));
+        assert_eq!(marked.iter().map(|base| (base.len(), base.sh_degree)).collect::<Vec<_>>(), [(4, 0), (3, 0)]);
+        let colors = marked.iter().flat_map(|base| (0..base.len()).map(|i| super::super::color(base, i)));
+        for (i, color) in colors.enumerate() {
+            let wanted = if i == 1 || i == 6 { DVec3::ONE } else { DVec3::ZERO };
+            assert!(color.abs_diff_eq(wanted, 1e-6), "{i}: {color}");
+        }
+        assert_eq!((&marked[0].means, &marked[0].opacity_logits), (&first.means, &first.opacity_logits));
     }
 
     fn none(base: &Gaussians) -> Gaussians {

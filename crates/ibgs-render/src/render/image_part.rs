@@ -1,7 +1,9 @@
 //! The image-based part of a model, and how it makes the final image of a view.
 
+use super::Removed;
 use super::frame::{FinalImage, FrameSource};
 use crate::camera::Camera;
+use crate::dataset::HostPhoto;
 use crate::exposure::Exposures;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::{Forward, Keep, SurfaceOptions};
@@ -58,10 +60,12 @@ pub struct ImagePart {
 pub(super) struct ImageStage {
     pub part: ImagePart,
     pub finder: SourceFinder,
-    warper: Warper,
+    pub warper: Warper,
     pub residual: Residual,
     /// Median depths of the sources, valid as long as the Gaussians do not change.
     pub depths: Mutex<DepthCache>,
+    /// What the photos show and the Gaussians do not, of an edited model.
+    pub removed: Option<Arc<Removed>>,
 }
 
 impl ImageStage {
@@ -71,6 +75,7 @@ impl ImageStage {
             warper: Warper::new(gpu.clone(), part.options.warp()),
             residual,
             depths: Mutex::new(DepthCache::new(gpu.bytes_of(part.options.sources.memory))),
+            removed: None,
             part,
         }
     }
@@ -80,6 +85,8 @@ impl ImageStage {
 pub(super) struct Sources {
     pub indices: Vec<usize>,
     pub views: Vec<SourceView>,
+    /// Their photos on the host.
+    pub photos: Vec<HostPhoto>,
 }
 
 /// Records the final image of a view, whose base image stands as it is without sources.
@@ -113,13 +120,13 @@ pub(super) fn record_final(
     let mix = SourceMix::new(camera.pixels() as u32, warped.visible, stage.part.options.source_share);
     mix.record(pass, &colors, &warped.seen.visible, &residual.image);
     // The photos on the device are not kept: the store could not reuse their memory.
-    let keep = |(&index, source): (&usize, &SourceView)| FrameSource {
-        view: index,
+    let keep = |((&view, source), photo): ((&usize, &SourceView), &HostPhoto)| FrameSource {
+        view,
         camera: source.camera,
-        photo: stage.part.photos.on_host(index).clone(),
+        photo: photo.clone(),
         depth: source.depth.clone(),
     };
-    let sources = sources.indices.iter().zip(&sources.views).map(keep).collect();
+    let sources = sources.indices.iter().zip(&sources.views).zip(&sources.photos).map(keep).collect();
     let image = residual.image.clone();
     pass.keep(residual);
     Ok(FinalImage { image, seen: Some(warped.seen), sources, options })
