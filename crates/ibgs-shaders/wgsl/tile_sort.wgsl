@@ -25,6 +25,16 @@ fn store_sorted(at: u32, isect: u32) {
     sorted_isects[at] = isect;
 }
 
+// An entry of a sorted block: whole lists have their form at once, others keep the keys by which they are merged.
+fn store_entry(at: u32, entry: vec2<u32>, is_whole: bool) {
+    if is_whole {
+        store_sorted(at, entry.y);
+    } else {
+        sorted_gaussians[at] = entry.x;
+        sorted_isects[at] = entry.y;
+    }
+}
+
 fn load(is_list: bool, at: u32) -> vec2<u32> {
     if is_list {
         return list[at];
@@ -67,8 +77,7 @@ fn merge(thread: u32, is_list: bool, start: u32, count: u32, run: u32) {
         before = count_before(is_list, start + other, min(run, count - other), entry, select(before, 0u, i == own));
         let at = start + pair + (i - own) + before;
         if is_list {
-            sorted_gaussians[at] = entry.x;
-            sorted_isects[at] = entry.y;
+            store_entry(at, entry, false);
         } else {
             list[at] = entry;
         }

@@ -33,12 +33,7 @@ fn sort_block(subgroup: u32, lane: u32, start: u32, count: u32, is_whole: bool) 
     }
     #repeat k 8
     if first + $ku * LANES < count {
-        let at = start + before_$k;
-        sorted_gaussians[at] = own_$k.x;
-        sorted_isects[at] = own_$k.y;
-        if is_whole {
-            store_sorted(at, own_$k.y);
-        }
+        store_entry(start + before_$k, own_$k, is_whole);
     }
     #end
 }

@@ -2,17 +2,11 @@
 // entries themselves are merged.
 #import sort_block
 
-// An entry of a sorted block, to the outputs: its key where blocks will be merged, its Gaussian where it is the only one.
-fn store(word: u32, place: u32, start: u32, count: u32, is_only: bool) {
+// The entry of a word at a place of its block, to the outputs.
+fn store(word: u32, place: u32, start: u32, count: u32, is_whole: bool) {
     if place < count {
         let entry = list[start + (word & NUMBER)];
-        let at = start + place_of(place, word, entry, start, count);
-        sorted_isects[at] = entry.y;
-        if is_only {
-            sorted_gaussians[at] = isect_to_gaussian[entry.y];
-        } else {
-            sorted_gaussians[at] = entry.x;
-        }
+        store_entry(start + place_of(place, word, entry, start, count), entry, is_whole);
     }
 }
 
