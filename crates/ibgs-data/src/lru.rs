@@ -63,6 +63,11 @@ impl<V> Lru<V> {
         self.remove(number).map(|value| (number, value))
     }
 
+    /// Takes out those used longest ago until so many bytes more are within the budget, or none is left.
+    pub fn make_room(&mut self, bytes: u64) {
+        while !self.has_room(bytes) && self.evict(|_| true).is_some() {}
+    }
+
     /// Takes all of them out.
     pub fn clear(&mut self) {
         self.entries.clear();

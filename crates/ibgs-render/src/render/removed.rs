@@ -66,7 +66,7 @@ impl Removed {
             None => None,
         };
         let bytes = hidden.as_ref().map_or(0, |(device, _)| device.texels.bytes());
-        while !photos.has_room(bytes) && photos.evict(|_| true).is_some() {}
+        photos.make_room(bytes);
         photos.insert(index, hidden.clone(), bytes);
         Ok(hidden.unwrap_or((device, host)))
     }

@@ -45,7 +45,7 @@ impl DepthCache {
     pub fn insert(&mut self, view: usize, map: Buffer<f32>) {
         self.remove(view);
         let bytes = map.bytes();
-        while !self.0.has_room(bytes) && self.0.evict(|_| true).is_some() {}
+        self.0.make_room(bytes);
         self.0.insert(view, map, bytes);
     }
 
