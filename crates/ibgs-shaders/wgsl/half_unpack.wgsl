@@ -8,12 +8,18 @@
 struct HalfUnpackParams {
     /// Number of pixels.
     pixels: u32,
-    /// Number of planes.
+    /// First channel.
+    first: u32,
+    /// Number of channels from there on, and of planes.
     channels: u32,
     /// Values a pixel with padding, divided by 4.
     quads: u32,
     /// Inverse of the gradients' scale.
     unscale: f32,
+    /// Padding.
+    pad: u32,
+    /// Padding.
+    pads: vec2<u32>,
 }
 
 var<immediate> params: HalfUnpackParams;
@@ -31,10 +37,8 @@ fn main(
     if p >= params.pixels {
         return;
     }
-    for (var q = 0u; 4u * q < params.channels; q++) {
-        let v = params.unscale * vec4<f32>(packed[p * params.quads + q]);
-        for (var k = 0u; k < min(4u, params.channels - 4u * q); k++) {
-            planes[(4u * q + k) * params.pixels + p] = v[k];
-        }
+    for (var k = 0u; k < params.channels; k++) {
+        let channel = params.first + k;
+        planes[k * params.pixels + p] = params.unscale * f32(packed[p * params.quads + channel / 4u][channel % 4u]);
     }
 }

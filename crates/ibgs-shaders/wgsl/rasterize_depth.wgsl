@@ -1,4 +1,3 @@
-//! Median depth alone.
 #set render
 #stage depth maps of the sources
 // The median depth alone (method.md section 3).
@@ -12,4 +11,11 @@
 @group(0) @binding(3) var<storage, read> tile_ranges: array<u32>;
 @group(0) @binding(4) var<storage, read_write> median_depth: array<f32>;
 
+#kernel rasterize_depth
+//! Median depth alone, of at most four median intersections.
+#import blend
+
+#kernel rasterize_depth_deep
+//! Median depth alone, of at most eight median intersections.
+#define DEEP
 #import blend

@@ -1,4 +1,3 @@
-//! Alpha blending with normal map, median intersections and median depth.
 #set train
 #stage blend
 // Front-to-back alpha blending of the colour (method.md section 2), and beside it the normal map, the K median intersections and
@@ -25,4 +24,11 @@
 /// Their entries in the tile's list.
 @group(0) @binding(10) var<storage, read_write> intersection_entries: array<u32>;
 
+#kernel rasterize_surface
+//! Alpha blending with normal map, at most four median intersections and median depth.
+#import blend
+
+#kernel rasterize_surface_deep
+//! Alpha blending with normal map, at most eight median intersections and median depth.
+#define DEEP
 #import blend

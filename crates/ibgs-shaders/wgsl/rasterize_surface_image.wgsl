@@ -1,4 +1,3 @@
-//! Alpha blending with normal map, median intersections and median depth, without what gradients need.
 #set render
 #stage blend
 // As rasterize_surface, without the list entries that gradients need, and with one buffer for normals and transmittance: eight are
@@ -21,4 +20,11 @@
 /// K planes of (view depth, weight), front to back; weight 0 = empty.
 @group(0) @binding(7) var<storage, read_write> intersections: array<vec2<f32>>;
 
+#kernel rasterize_surface_image
+//! Alpha blending with normal map, at most four median intersections and median depth, without what gradients need.
+#import blend
+
+#kernel rasterize_surface_image_deep
+//! The same with at most eight median intersections.
+#define DEEP
 #import blend

@@ -10,7 +10,7 @@
 
 @group(0) @binding(0) var<storage, read> seen: array<u32>;
 @group(0) @binding(1) var<storage, read> most_visible: array<u32>;
-/// Planes [38][pixels of the network's size].
+/// Gradient by the U-Net's input: planes of the network's size, three of them from params.base_plane on.
 @group(0) @binding(2) var<storage, read> v_x: array<f32>;
 @group(0) @binding(3) var<storage, read> v_features: array<vec4<f32>>;
 @group(0) @binding(4) var<storage, read> base: array<f32>;
@@ -37,7 +37,7 @@ fn of_source(m: u32, used: u32, q: u32) -> vec4<f32> {
 
 fn add(q: u32, used: u32, weight: f32, sums: ptr<function, Sums>) {
     let plane = params.low.x * params.low.y;
-    let at = BASE_CHANNEL * plane + q;
+    let at = params.base_plane * plane + q;
     (*sums).base += weight * vec3(v_x[at], v_x[at + plane], v_x[at + 2u * plane]);
     (*sums).source0 += weight * of_source(0u, used, q);
     (*sums).source1 += weight * of_source(1u, used, q);

@@ -112,7 +112,18 @@ impl<'a> Pass<'a> {
 
     /// Dispatches a grid of workgroups; nothing when it is empty.
     pub fn grid<'b, T: Bindings<'b, RawBuffer>>(&mut self, buffers: &T, params: &T::Params, grid: [u32; 3]) {
-        self.launch(T::KERNEL, buffers.in_order().as_ref(), bytes_of(params), grid);
+        self.grid_of(T::KERNEL, buffers, params, grid);
+    }
+
+    /// The same with another kernel that has the same buffers and parameters.
+    pub fn grid_of<'b, T: Bindings<'b, RawBuffer>>(
+        &mut self,
+        kernel: &'static Kernel,
+        buffers: &T,
+        params: &T::Params,
+        grid: [u32; 3],
+    ) {
+        self.launch(kernel, buffers.in_order().as_ref(), bytes_of(params), grid);
     }
 
     fn launch(&mut self, kernel: &'static Kernel, buffers: &[&RawBuffer], immediates: &[u8], grid: [u32; 3]) {

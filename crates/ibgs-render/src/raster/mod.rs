@@ -259,7 +259,8 @@ impl Rasterizer {
                 tile_ranges: &ws.tile_ranges,
                 median_depth: &depth,
             };
-            pass.grid(&blend, &options.frame(&view), tile_grid(&frame));
+            let kernel = options.kernel([&RASTERIZE_DEPTH, &RASTERIZE_DEPTH_DEEP]);
+            pass.grid_of(kernel, &blend, &options.frame(&view), tile_grid(&frame));
             pass.submit();
             let ws = self.pool.lease(ws);
             if room == Room::Assumed {

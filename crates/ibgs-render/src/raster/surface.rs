@@ -6,11 +6,13 @@ use crate::camera::Camera;
 use crate::gpu::pool::Lease;
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{PerGaussian, Splats};
-use ibgs_shaders::TILE;
 use ibgs_shaders::bindings::{
     PlanesBindings, RasterizeSurfaceBindings, RasterizeSurfaceImageBindings, ShortestAxisBindings,
 };
 use ibgs_shaders::types::{SurfaceUniforms, ViewUniforms};
+use ibgs_shaders::{
+    Kernel, RASTERIZE_SURFACE, RASTERIZE_SURFACE_DEEP, RASTERIZE_SURFACE_IMAGE, RASTERIZE_SURFACE_IMAGE_DEEP, TILE,
+};
 use std::sync::Arc;
 
 /// How the surface is found.
@@ -33,6 +35,11 @@ impl SurfaceOptions {
     /// Principal point in coordinates in which the pixel with index x lies at x.
     pub fn principal(&self, camera: &Camera) -> [f32; 2] {
         (camera.principal - self.ray_offset).as_vec2().to_array()
+    }
+
+    /// Of two kernels the one whose registers hold so many intersections: at most four, or at most eight.
+    pub(super) fn kernel(&self, [few, many]: [&'static Kernel; 2]) -> &'static Kernel {
+        if self.intersections <= 4 { few } else { many }
     }
 
     pub(super) fn frame(&self, view: &RasterView) -> SurfaceUniforms {
@@ -146,7 +153,8 @@ impl Surface {
                     intersections,
                     intersection_entries: &v.entries,
                 };
-                pass.grid(&blend, &self.frame, grid);
+                let kernel = self.options.kernel([&RASTERIZE_SURFACE, &RASTERIZE_SURFACE_DEEP]);
+                pass.grid_of(kernel, &blend, &self.frame, grid);
             }
             None => {
                 let blend = RasterizeSurfaceImageBindings {
@@ -159,7 +167,8 @@ impl Surface {
                     median_depth,
                     intersections,
                 };
-                pass.grid(&blend, &self.frame, grid);
+                let kernel = self.options.kernel([&RASTERIZE_SURFACE_IMAGE, &RASTERIZE_SURFACE_IMAGE_DEEP]);
+                pass.grid_of(kernel, &blend, &self.frame, grid);
             }
         }
     }

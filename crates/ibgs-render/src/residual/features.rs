@@ -63,10 +63,8 @@ pub struct FeatureScratch {
 /// What the features' backward pass reads and writes besides the inputs.
 #[derive(Clone, Copy, Debug)]
 pub struct FeatureGradients<'a> {
-    /// Gradient by the U-Net's input, planes `[38][w h]`, read.
-    pub v_x: &'a Buffer<f32>,
-    /// The same in half precision, where the U-Net has it.
-    pub half: Option<HalfGradient<'a>>,
+    /// Gradient by the U-Net's input, read.
+    pub v_x: GradientByX<'a>,
     /// Gradient by the network's weights: those of the per-view MLP and of the confidence are assigned, zeros to the latter
     /// where it is not read.
     pub v_weights: &'a Buffer<f32>,
@@ -74,13 +72,20 @@ pub struct FeatureGradients<'a> {
     pub scratch: &'a FeatureScratch,
 }
 
-/// A gradient by the U-Net's input in half precision, for matrix units of 16 x 16.
+/// A gradient by the U-Net's input.
 #[derive(Clone, Copy, Debug)]
-pub struct HalfGradient<'a> {
-    /// Channels last, `[w h][48]`.
-    pub v_x: &'a Buffer<[F16; 4]>,
-    /// Inverse of the scale that they are multiplied by.
-    pub unscale: f32,
+pub enum GradientByX<'a> {
+    /// Planes, `[38][w h]`.
+    Planes(&'a Buffer<f32>),
+    /// For matrix units of 16 x 16.
+    Halves {
+        /// Channels last, `[w h][48]`.
+        all: &'a Buffer<[F16; 4]>,
+        /// Inverse of the scale that they are multiplied by.
+        unscale: f32,
+        /// Planes of the base colour's, `[3][w h]`, without the scale.
+        base: &'a Buffer<f32>,
+    },
 }
 
 /// Gradients by what the rasterizer and the warp gave, and what those through the gated mean difference are made from.
@@ -182,9 +187,9 @@ impl Features {
     /// needs, where only the network learns.
     pub fn record_backward(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, gradients: &FeatureGradients<'_>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
-        let FeatureGradients { v_x, half, v_weights, scratch: FeatureScratch { v_features, partials } } = *gradients;
-        let groups = match half {
-            Some(HalfGradient { v_x, unscale }) => {
+        let FeatureGradients { v_x, v_weights, scratch: FeatureScratch { v_features, partials } } = *gradients;
+        let groups = match v_x {
+            GradientByX::Halves { all: v_x, unscale, .. } => {
                 let groups = self.groups(&HALF_FEATURES_BACKWARD, HALF_GROUPS);
                 let params = FeatureParams { unscale, groups, ..self.params };
                 let bindings = HalfFeaturesBackwardBindings {
@@ -201,7 +206,7 @@ impl Features {
                 pass.grid(&bindings, &params, [groups, 1, 1]);
                 groups
             }
-            None => {
+            GradientByX::Planes(v_x) => {
                 let groups = self.groups(&RESIDUAL_FEATURES_BACKWARD, GROUPS);
                 let params = FeatureParams { unscale: 1.0, groups, ..self.params };
                 let bindings = ResidualFeaturesBackwardBindings {
@@ -235,6 +240,10 @@ impl Features {
         let FeatureInputs { base, warped, seen, most_visible, .. } = *inputs;
         let FeatureGradients { v_x, scratch: FeatureScratch { v_features, .. }, .. } = *gradients;
         let InputGradients { residual, v_image, v_warped, v_base } = *out;
+        let (v_x, base_plane) = match v_x {
+            GradientByX::Planes(planes) => (planes, INPUT as u32 - 3),
+            GradientByX::Halves { base, .. } => (base, 0),
+        };
         let bindings = ResidualInputsBackwardBindings {
             seen,
             most_visible,
@@ -249,6 +258,6 @@ impl Features {
         };
         let [width, height] = self.params.size;
         let pixels = (width * height) as usize;
-        pass.linear(&bindings, &self.params, pixels);
+        pass.linear(&bindings, &FeatureParams { base_plane, ..self.params }, pixels);
     }
 }

@@ -121,8 +121,7 @@ impl ResidualPass {
         self.compose().record_backward(&mut pass, &self.composed(), &composed);
         scratch.network.backward(&mut pass, weights, &own.v_residual, v.weights);
         let inputs = feature_inputs(seen, base, warped, weights);
-        let (v_x, half) = (scratch.network.v_x(), scratch.network.half_v_x());
-        let gradients = FeatureGradients { v_x, half, v_weights: v.weights, scratch: &own.features };
+        let gradients = FeatureGradients { v_x: scratch.network.v_x(), v_weights: v.weights, scratch: &own.features };
         self.features().record_backward(&mut pass, &inputs, &gradients);
         if let Some(v_warped) = v.warped {
             let residual = scratch.network.residual();

@@ -11,7 +11,7 @@
 //! - Float32: 624 for rendering (x, e1, the output, and two more buffers of 38 planes that the other activations share
 //!   by turns), 1007 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
 //!   whose ReLU they have passed), and up to 14 MB for partial sums of the weights' gradients, whatever the size.
-//! - Half precision: 450 for rendering, 872 with gradients, partial sums besides.
+//! - Half precision: 450 for rendering, 732 with gradients, partial sums besides.
 
 mod backend;
 pub mod choice;
@@ -19,7 +19,7 @@ mod full;
 mod half;
 mod memory;
 
-use super::features::{FeatureInputs, Features, HalfGradient};
+use super::features::{FeatureInputs, Features, GradientByX};
 use super::layers::{DEC1, DEC2, ENC1, ENC2, ENC3, INPUT, Layer, Part, UP1, UP2};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::Keep;
@@ -28,6 +28,7 @@ use full::Full;
 use half::Half;
 use ibgs_shaders::Store;
 use memory::{Activations, Gradients, Map};
+use std::ops::Range;
 
 /// Smallest width and height: a quarter of it is one pixel.
 pub const MIN_SIDE: u32 = 4;
@@ -47,8 +48,8 @@ pub struct UNet {
     backend: Box<dyn Backend>,
     maps: Activations,
     gradients: Option<Gradients>,
-    /// Float32 planes; a stub without gradients.
-    v_x: Buffer<f32>,
+    /// Float32 planes of the gradient by [`plane_channels`] of the input; a stub without gradients.
+    v_planes: Buffer<f32>,
 }
 
 impl UNet {
@@ -71,14 +72,14 @@ impl UNet {
             Keep::Gradients => Some(Gradients::new(gpu, &maps, backend.partials(size))?),
             Keep::Image => None,
         };
-        let v_x = match arithmetic {
+        let v_planes = match arithmetic {
             Arithmetic::Full => maps.f.planes().clone(),
             Arithmetic::Half => {
                 let pixels = if keep == Keep::Gradients { maps.x.pixels() } else { 1 };
-                gpu.allocate("unet v_x", INPUT * pixels as usize)?
+                gpu.allocate("unet v_x", plane_channels(&*backend).len() * pixels as usize)?
             }
         };
-        Ok(Self { backend, maps, gradients, v_x })
+        Ok(Self { backend, maps, gradients, v_planes })
     }
 
     /// Whether an image of this size is large enough.
@@ -126,14 +127,23 @@ impl UNet {
         &self.maps.residual
     }
 
-    /// The gradient by the input after [`UNet::backward`], `[38][height * width]`.
-    pub fn v_x(&self) -> &Buffer<f32> {
-        &self.v_x
+    /// The gradient by the input after [`UNet::backward`].
+    pub fn v_x(&self) -> GradientByX<'_> {
+        match self.backend.unscale() {
+            Some(unscale) => GradientByX::Halves { all: self.maps.f.halves(), unscale, base: &self.v_planes },
+            None => GradientByX::Planes(&self.v_planes),
+        }
     }
 
-    /// The same in half precision, where the matrix units have made it.
-    pub fn half_v_x(&self) -> Option<HalfGradient<'_>> {
-        self.backend.unscale().map(|unscale| HalfGradient { v_x: self.maps.f.halves(), unscale })
+    /// The same read back, `[38][height * width]`.
+    ///
+    /// # Errors
+    /// The device is lost.
+    pub fn read_v_x(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        match self.backend.unscale() {
+            Some(unscale) => Ok(self.maps.f.read(gpu)?.into_iter().map(|v| unscale * v).collect()),
+            None => gpu.read(&self.v_planes, INPUT * self.maps.x.pixels() as usize),
+        }
     }
 
     /// From the input to the output. `weights`: the network's flat weights ([`layers`](super::layers)).
@@ -187,8 +197,13 @@ impl UNet {
         let [all, _] = ENC1.parts();
         back.by_weights(all, v_e1, x);
         back.by_input(all, v_e1, f, Store::Add);
-        backend.finish(pass, f, &self.v_x);
+        backend.finish(pass, f, plane_channels(backend), &self.v_planes);
     }
+}
+
+/// Channels of the input whose gradient is wanted in float32: those of the base colour where matrix units read the others as halves.
+fn plane_channels(backend: &dyn Backend) -> Range<usize> {
+    if backend.unscale().is_some() { INPUT - 3..INPUT } else { 0..INPUT }
 }
 
 /// A backward pass on its way through the 3 x 3 layers. `v` is the gradient by a layer's output.

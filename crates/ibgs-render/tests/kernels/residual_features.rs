@@ -8,7 +8,7 @@ use ibgs_reference::random_scene::{exact, random_camera, random_image};
 use ibgs_reference::relative_error;
 use ibgs_render::gpu::{Buffer, Gpu, Pass};
 use ibgs_render::residual::features::{
-    FeatureGradients, FeatureInputs, Features, HalfGradient, InputGradients, MLP_WEIGHTS,
+    FeatureGradients, FeatureInputs, Features, GradientByX, InputGradients, MLP_WEIGHTS,
 };
 use ibgs_render::residual::layers::{CONFIDENCE, INPUT, OUTPUTS, WEIGHTS};
 use ibgs_render::residual::{Aggregation, Factor, Output, Variant};
@@ -117,12 +117,17 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
         packed[i % n * PADDED + i / n] = f16::from_f32(SCALE * *v as f32).to_bits();
     }
     let packed = gpu.upload("test", &packed).unwrap().cast();
-    let half = halves.then_some(HalfGradient { v_x: &packed, unscale: SCALE.recip() });
-    let (x, v_x) = (nan(INPUT * n), upload(v_x));
+    let (base_planes, planes) = (upload(&v_x[(INPUT - 3) * n..]), upload(v_x));
+    let v_x = if halves {
+        GradientByX::Halves { all: &packed, unscale: SCALE.recip(), base: &base_planes }
+    } else {
+        GradientByX::Planes(&planes)
+    };
+    let x = nan(INPUT * n);
     let (v_weights, v_warped) = (nan(WEIGHTS), nan(4 * view.warped.len()));
     let v_base = upload(&vec![0.5; 3 * pixels]);
     let scratch = features.scratch(&gpu).unwrap();
-    let gradients = FeatureGradients { v_x: &v_x, half, v_weights: &v_weights, scratch: &scratch };
+    let gradients = FeatureGradients { v_x, v_weights: &v_weights, scratch: &scratch };
     let mut pass = Pass::new(&gpu, "features");
     features.record(&mut pass, &inputs, &x);
     features.record_backward(&mut pass, &inputs, &gradients);

@@ -18,6 +18,26 @@
 
 #import blend_batch
 
+#if PLANES
+// The shift registers of the median intersections, newest last, when a number comes in. DEEP: all four of them are wanted, else the
+// last two; what stays constant takes no registers.
+fn pushed(kept: vec4<f32>, number: f32) -> vec4<f32> {
+    #if DEEP
+    return vec4(kept.yzw, number);
+    #else
+    return vec4(0.0, 0.0, kept.w, number);
+    #endif
+}
+
+fn pushed_entry(kept: vec4<u32>, entry: u32) -> vec4<u32> {
+    #if DEEP
+    return vec4(kept.yzw, entry);
+    #else
+    return vec4(NO_ENTRY, NO_ENTRY, kept.w, entry);
+    #endif
+}
+#endif
+
 @compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -53,7 +73,7 @@ fn main(
     #if PLANES
     let ray = pixel_ray(at);
     let half = frame.intersections / 2u;
-    // Shift registers, newest last: `before` keeps what came last, `after` closes when it holds K/2.
+    // `before` keeps what came last, `after` closes when it holds K/2.
     var before_z = vec4(0.0);
     var before_w = vec4(0.0);
     var after_count = 0u;
@@ -153,17 +173,17 @@ fn main(
                 }
                 if z > 0.0 {
                     if t > MEDIAN_T {
-                        before_z = vec4(before_z.yzw, z);
-                        before_w = vec4(before_w.yzw, weight);
+                        before_z = pushed(before_z, z);
+                        before_w = pushed(before_w, weight);
                         #if ENTRIES
-                        before_e = vec4(before_e.yzw, entry);
+                        before_e = pushed_entry(before_e, entry);
                         #endif
                     } else if after_count < half {
                         #if INTERSECTIONS
-                        after_z = vec4(after_z.yzw, z);
-                        after_w = vec4(after_w.yzw, weight);
+                        after_z = pushed(after_z, z);
+                        after_w = pushed(after_w, weight);
                         #if ENTRIES
-                        after_e = vec4(after_e.yzw, entry);
+                        after_e = pushed_entry(after_e, entry);
                         #endif
                         #else
                         after_sum += z * weight;

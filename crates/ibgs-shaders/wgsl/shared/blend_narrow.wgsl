@@ -5,6 +5,12 @@
 
 // Of a column's pixels.
 const ROWS: u32 = 4u;
+// The first of the shift registers' four places that is wanted.
+#if DEEP
+const FIRST: u32 = 0u;
+#else
+const FIRST: u32 = 2u;
+#endif
 
 @compute @workgroup_size(TILE * TILE / ROWS)
 fn main(
@@ -108,23 +114,35 @@ fn main(
             let meets = counts & (z > vec4(0.0));
             let is_before = meets & (t > vec4(MEDIAN_T));
             let is_after = meets & !is_before & (after_count < vec4(half));
+            #if DEEP
             #repeat s 3
-            before_z[$s] = select(before_z[$s], before_z[$s + 1], is_before);
-            before_w[$s] = select(before_w[$s], before_w[$s + 1], is_before);
+            #else
+            #repeat s 1
+            #endif
+            before_z[FIRST + $su] = select(before_z[FIRST + $su], before_z[FIRST + $su + 1u], is_before);
+            before_w[FIRST + $su] = select(before_w[FIRST + $su], before_w[FIRST + $su + 1u], is_before);
             #end
             before_z[3] = select(before_z[3], z, is_before);
             before_w[3] = select(before_w[3], weight, is_before);
             #if INTERSECTIONS
+            #if DEEP
             #repeat s 3
-            after_z[$s] = select(after_z[$s], after_z[$s + 1], is_after);
-            after_w[$s] = select(after_w[$s], after_w[$s + 1], is_after);
+            #else
+            #repeat s 1
+            #endif
+            after_z[FIRST + $su] = select(after_z[FIRST + $su], after_z[FIRST + $su + 1u], is_after);
+            after_w[FIRST + $su] = select(after_w[FIRST + $su], after_w[FIRST + $su + 1u], is_after);
             #end
             after_z[3] = select(after_z[3], z, is_after);
             after_w[3] = select(after_w[3], weight, is_after);
             #if ENTRIES
+            #if DEEP
             #repeat s 3
-            before_e[$s] = select(before_e[$s], before_e[$s + 1], is_before);
-            after_e[$s] = select(after_e[$s], after_e[$s + 1], is_after);
+            #else
+            #repeat s 1
+            #endif
+            before_e[FIRST + $su] = select(before_e[FIRST + $su], before_e[FIRST + $su + 1u], is_before);
+            after_e[FIRST + $su] = select(after_e[FIRST + $su], after_e[FIRST + $su + 1u], is_after);
             #end
             before_e[3] = select(before_e[3], entry, is_before);
             after_e[3] = select(after_e[3], entry, is_after);

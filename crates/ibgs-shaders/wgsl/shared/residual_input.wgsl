@@ -30,17 +30,16 @@ struct FeatureParams {
     unscale: f32,
     /// An [`crate::Output`].
     output: u32,
+    /// First of the three planes of the gradient by the base colour.
+    base_plane: u32,
     /// Padding.
-    pad: u32,
-    /// Padding.
-    pads: vec2<u32>,
+    pad: vec2<u32>,
 }
 
 var<immediate> params: FeatureParams;
 
 // Channels of the U-Net's input: aggregated features, ray, base colour.
 const RAY_CHANNEL: u32 = MLP_CHANNELS;
-const BASE_CHANNEL: u32 = RAY_CHANNEL + 3u;
 
 // Visible sources of the pixel that has most.
 fn used_sources() -> u32 {

@@ -106,7 +106,7 @@ fn on(gpu: &Gpu, weights: &[f64], x: &Map, v_residual: &Map, arithmetic: Arithme
         pass.submit();
         OnGpu {
             residual: gpu.read(unet.residual(), n).unwrap().into_flattened(),
-            v_x: gpu.read(unet.v_x(), INPUT * n).unwrap(),
+            v_x: unet.read_v_x(gpu).unwrap(),
             v_weights: gpu.read(&v_weights, WEIGHTS).unwrap(),
         }
     };

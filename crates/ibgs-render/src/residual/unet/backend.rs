@@ -4,6 +4,7 @@ use super::memory::{Activations, Gradients, Map};
 use crate::gpu::{Buffer, Pass};
 use crate::residual::layers::{Layer, Part};
 use ibgs_shaders::{ConvInput, Store};
+use std::ops::Range;
 
 /// Workgroups that share `tiles` tiles: at most `most`, each with at least `fewest`.
 pub(super) fn splits(tiles: u32, fewest: u32, most: u32) -> u32 {
@@ -61,8 +62,9 @@ pub(super) trait Backend: std::fmt::Debug + Send + Sync {
     /// Through the enlargement and the ReLU: the gradient takes the place of the activation `v`.
     fn upsample_backward(&self, pass: &mut Pass, v_enlarged: &Map, v: &Map);
 
-    /// Last of the backward pass: the gradient by x, which f holds by now, to float32 planes; nothing where f is `v_x`.
-    fn finish(&self, _pass: &mut Pass, _f: &Map, _v_x: &Buffer<f32>) {}
+    /// Last of the backward pass: channels `channels` of the gradient by x, which f holds by now, to float32 planes;
+    /// nothing where f has such planes itself.
+    fn finish(&self, _pass: &mut Pass, _f: &Map, _channels: Range<usize>, _planes: &Buffer<f32>) {}
 
     /// Whether its matrix units fit the kernels of the per-view MLP.
     fn multiplies_features(&self) -> bool {

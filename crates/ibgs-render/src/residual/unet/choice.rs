@@ -118,7 +118,7 @@ impl<'a> Trial<'a> {
     fn results(&self) -> Result<Results, GpuError> {
         Ok([
             self.gpu.read(self.unet.residual(), self.pixels)?.into_flattened(),
-            self.gpu.read(self.unet.v_x(), INPUT * self.pixels)?,
+            self.unet.read_v_x(self.gpu)?,
             self.gpu.read(&self.v_weights, WEIGHTS)?,
         ])
     }

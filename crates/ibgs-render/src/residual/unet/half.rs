@@ -21,6 +21,7 @@ use ibgs_shaders::types::{
     HalfLinearWeightsParams, HalfResizeParams, HalfSumParams, HalfUnpackParams, HalfWeights, HalfWeightsParams,
 };
 use ibgs_shaders::{Bindings, MatrixUnits, Store};
+use std::ops::Range;
 
 /// Fewest tiles for a workgroup of its own.
 const MIN_TILES: u32 = 2;
@@ -307,10 +308,18 @@ impl Backend for Half {
         resize(pass, &bindings, [v_enlarged.size, v.size], v);
     }
 
-    fn finish(&self, pass: &mut Pass, f: &Map, v_x: &Buffer<f32>) {
+    fn finish(&self, pass: &mut Pass, f: &Map, channels: Range<usize>, planes: &Buffer<f32>) {
         let pixels = f.pixels();
-        let params = HalfUnpackParams { pixels, channels: INPUT as u32, quads: quads(f), unscale: self.scale.recip() };
-        pass.linear(&HalfUnpackBindings { packed: f.halves(), planes: v_x }, &params, pixels as usize);
+        let params = HalfUnpackParams {
+            pixels,
+            first: channels.start as u32,
+            channels: channels.len() as u32,
+            quads: quads(f),
+            unscale: self.scale.recip(),
+            pad: 0,
+            pads: [0; 2],
+        };
+        pass.linear(&HalfUnpackBindings { packed: f.halves(), planes }, &params, pixels as usize);
     }
 
     fn multiplies_features(&self) -> bool {
