@@ -1,4 +1,3 @@
-//! 3 x 3 convolution, forward or gradient by the input.
 #set render
 #stage unet
 // A 3 x 3 convolution with zero padding over one or two inputs (two: a concatenation that is never stored), forward or,
@@ -41,9 +40,25 @@ struct ConvParams {
 var<immediate> params: ConvParams;
 
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
+
+#kernel residual_conv
+//! 3 x 3 convolution, forward or gradient by the input.
 @group(0) @binding(1) var<storage, read> input_a: array<f32>;
 @group(0) @binding(2) var<storage, read> input_b: array<f32>;
 @group(0) @binding(3) var<storage, read_write> output: array<f32>;
+
+#if NARROW
+#import residual_conv_narrow
+#else
+#import residual_conv_wide
+#endif
+
+#kernel residual_conv_packed
+//! As [`RESIDUAL_CONV`], forward, with activations as halves.
+#define PACKED
+@group(0) @binding(1) var<storage, read> input_a: array<u32>;
+@group(0) @binding(2) var<storage, read> input_b: array<u32>;
+@group(0) @binding(3) var<storage, read_write> output: array<u32>;
 
 #if NARROW
 #import residual_conv_narrow

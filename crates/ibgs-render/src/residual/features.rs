@@ -8,7 +8,8 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::sources::MAX_VISIBLE;
 use ibgs_shaders::bindings::{
     HalfFeaturesBackwardBindings, HalfFeaturesBindings, ResidualFeaturesBackwardBindings, ResidualFeaturesBindings,
-    ResidualFeaturesHalfBindings, ResidualFeaturesSumBindings, ResidualInputsBackwardBindings,
+    ResidualFeaturesHalfBindings, ResidualFeaturesPackedBindings, ResidualFeaturesSumBindings,
+    ResidualInputsBackwardBindings,
 };
 use ibgs_shaders::types::{F16, FeatureParams, FeatureSumParams};
 use ibgs_shaders::{HALF_FEATURES, HALF_FEATURES_BACKWARD, Kernel, RESIDUAL_FEATURES_BACKWARD};
@@ -160,6 +161,13 @@ impl Features {
     pub fn record(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<f32>) {
         let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
         let bindings = ResidualFeaturesBindings { base, warped, seen, most_visible, centers, weights, x };
+        pass.linear(&bindings, &self.params, self.low_pixels());
+    }
+
+    /// The same as halves, two channels a word: `[19][w h]`.
+    pub fn record_packed(&self, pass: &mut Pass<'_>, inputs: &FeatureInputs<'_>, x: &Buffer<u32>) {
+        let FeatureInputs { base, warped, seen, most_visible, centers, weights } = *inputs;
+        let bindings = ResidualFeaturesPackedBindings { base, warped, seen, most_visible, centers, weights, x };
         pass.linear(&bindings, &self.params, self.low_pixels());
     }
 

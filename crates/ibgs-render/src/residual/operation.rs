@@ -169,9 +169,10 @@ impl Residual {
         let gpu = &*self.gpu;
         let size = [task.camera.width, task.camera.height];
         let gradients = keep == Keep::Gradients;
-        let free = self.pool.take();
-        if let Some(s) = free.filter(|s| s.size == size && s.visible == visible && (s.backward.is_some() || !gradients))
-        {
+        // What has room for gradients does for a frame too, but where the activations of frames are others.
+        let shared = self.arithmetic != Arithmetic::Packed;
+        let keeps = |s: &Scratch| s.backward.is_some() == gradients || s.backward.is_some() && shared;
+        if let Some(s) = self.pool.take().filter(|s| s.size == size && s.visible == visible && keeps(s)) {
             return Ok(s);
         }
         self.pool.clear();

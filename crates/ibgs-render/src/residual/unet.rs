@@ -1,7 +1,7 @@
 //! The U-Net of the residual network: 38 channels in, the output of four out, and back (method.md section 6).
 //!
 //! This file has the schedule: which layer reads and writes which activation, and where each gradient goes. Two backends
-//! have the layers: one in float32, the other in half precision on matrix units.
+//! have the layers: one computes in float32, the other in half precision on matrix units.
 //!
 //! Concatenations, the 2 x 2 maxima and the enlargements by nearest are never stored: the next convolution reads through
 //! them.
@@ -11,6 +11,7 @@
 //! - Float32: 624 for rendering (x, e1, the output, and two more buffers of 38 planes that the other activations share
 //!   by turns), 1007 with gradients (x, e1, u1, d1, v_e1, and f with v_x in its place; gradients replace the activations
 //!   whose ReLU they have passed), and up to 14 MB for partial sums of the weights' gradients, whatever the size.
+//! - Float32 with activations as halves: 320 for rendering.
 //! - Half precision: 450 for rendering, 732 with gradients, partial sums besides.
 
 mod backend;
@@ -38,6 +39,8 @@ pub const MIN_SIDE: u32 = 4;
 pub enum Arithmetic {
     /// Float32, on any adapter.
     Full,
+    /// The same with activations as halves, two a word; with gradients as `Full`.
+    Packed,
     /// Half precision on matrix units, summed in float32; float32 where the adapter has none.
     Half,
 }
@@ -65,6 +68,7 @@ impl UNet {
         let units = gpu.matrix_units.filter(|_| arithmetic == Arithmetic::Half);
         let (arithmetic, backend): (_, Box<dyn Backend>) = match units {
             Some(units) => (Arithmetic::Half, Box::new(Half::new(gpu, units, size, keep)?)),
+            None if (arithmetic, keep) == (Arithmetic::Packed, Keep::Image) => (arithmetic, Box::new(Full::new(gpu))),
             None => (Arithmetic::Full, Box::new(Full::new(gpu))),
         };
         let maps = Activations::new(gpu, arithmetic, size, keep)?;
@@ -74,7 +78,7 @@ impl UNet {
         };
         let v_planes = match arithmetic {
             Arithmetic::Full => maps.f.planes().clone(),
-            Arithmetic::Half => {
+            Arithmetic::Packed | Arithmetic::Half => {
                 let pixels = if keep == Keep::Gradients { maps.x.pixels() } else { 1 };
                 gpu.allocate("unet v_x", plane_channels(&*backend).len() * pixels as usize)?
             }
@@ -105,11 +109,12 @@ impl UNet {
         self.maps.x.planes()
     }
 
-    /// Records the input: float32 planes, or halves with channels last, `[height * width][48]`.
+    /// Records the input: float32 planes, words of two halves, or halves with channels last, `[height * width][48]`.
     pub fn record_input(&self, pass: &mut Pass, features: &Features, inputs: &FeatureInputs) {
         let x = &self.maps.x;
         match x.arithmetic() {
             Arithmetic::Full => features.record(pass, inputs, x.planes()),
+            Arithmetic::Packed => features.record_packed(pass, inputs, x.words()),
             Arithmetic::Half if self.backend.multiplies_features() => {
                 features.record_on_units(pass, inputs, x.halves());
             }

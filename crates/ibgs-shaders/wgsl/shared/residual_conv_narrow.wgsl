@@ -6,6 +6,7 @@
 // columns at its left and right; a lane gets what is beside its own from its neighbours. Sums are those of the other form, bit for
 // bit: one `fma` after the other, by input channel, then column, then row of the taps, and the bias last.
 #import index
+#import residual_map
 #import residual_source
 
 // Pixels of a column, weights of an input channel, and the reads of a lane for them.
@@ -19,7 +20,16 @@ var<private> parts: array<f32, 8>;
 var<private> pixels: array<f32, 18>;
 var<private> lane_weights: array<f32, READS>;
 
-fn store(o: u32, x: u32, y: u32, sum: f32, bias: f32) {
+#if PACKED
+fn store(o: u32, x: u32, y: u32, sums: vec2<f32>, biases: vec2<f32>) {
+    if o >= params.outputs || x >= params.size.x || y >= params.size.y {
+        return;
+    }
+    let values = max(sums + biases, vec2(0.0));
+    output[((o / CHANNELS) * params.size.y + y) * params.size.x + x] = word(values.x, values.y);
+}
+#else
+fn store_one(o: u32, x: u32, y: u32, sum: f32, bias: f32) {
     if o >= params.outputs || x >= params.size.x || y >= params.size.y {
         return;
     }
@@ -33,6 +43,12 @@ fn store(o: u32, x: u32, y: u32, sum: f32, bias: f32) {
     }
     output[i] = value;
 }
+
+fn store(o: u32, x: u32, y: u32, sums: vec2<f32>, biases: vec2<f32>) {
+    store_one(o, x, y, sums.x, biases.x);
+    store_one(o + 1u, x, y, sums.y, biases.y);
+}
+#endif
 
 @compute @workgroup_size(128)
 fn main(
@@ -79,20 +95,21 @@ fn main(
     let steps = select(1u, 4u, params.mode == CONV_POOLED);
     for (var c = 0u; c < params.channels_a + params.channels_b; c++) {
         let second = c >= params.channels_a;
-        let first = i32(select(c, c - params.channels_a, second)) * plane;
+        let channel = select(c, c - params.channels_a, second);
+        let first = i32(channel / CHANNELS) * plane;
         if second {
             #repeat k 8
-            parts[$k] = input_b[first + max(at[$k], 0)];
+            parts[$k] = number(input_b[first + max(at[$k], 0)], channel);
             #end
         } else {
             #repeat k 8
-            parts[$k] = input_a[first + max(at[$k], 0)];
+            parts[$k] = number(input_a[first + max(at[$k], 0)], channel);
             #end
             // The others of 2 x 2.
             for (var step = 1u; step < steps; step++) {
                 let shift = first + i32((step / 2u) * params.source.x + step % 2u);
                 #repeat k 8
-                parts[$k] = max(parts[$k], input_a[max(at[$k], 0) + shift]);
+                parts[$k] = max(parts[$k], number(input_a[max(at[$k], 0) + shift], channel));
                 #end
             }
         }
@@ -134,14 +151,17 @@ fn main(
     #repeat k 3
     biases[$k] = weights[params.bias + min(group * CONV_OUTPUTS + $k * LANES + lane, params.outputs - 1u)];
     #end
-    #repeat o 20
+    #repeat q 10
     {
-        let o = group * CONV_OUTPUTS + $o;
-        let bias = subgroupBroadcast(biases[$o / 8], $ou % 8u);
-        store(o, x, y, sums[$o].x, bias);
-        store(o, x, y + 1u, sums[$o].y, bias);
-        store(o, x, y + 2u, sums[$o].z, bias);
-        store(o, x, y + 3u, sums[$o].w, bias);
+        let o = group * CONV_OUTPUTS + 2u * $qu;
+        let bias = vec2(
+            subgroupBroadcast(biases[(2 * $q) / 8], (2u * $qu) % 8u),
+            subgroupBroadcast(biases[(2 * $q) / 8], (2u * $qu) % 8u + 1u),
+        );
+        store(o, x, y, vec2(sums[2 * $q].x, sums[2 * $q + 1].x), bias);
+        store(o, x, y + 1u, vec2(sums[2 * $q].y, sums[2 * $q + 1].y), bias);
+        store(o, x, y + 2u, vec2(sums[2 * $q].z, sums[2 * $q + 1].z), bias);
+        store(o, x, y + 3u, vec2(sums[2 * $q].w, sums[2 * $q + 1].w), bias);
     }
     #end
 }

@@ -1,6 +1,7 @@
 // What a workgroup of residual_conv holds: a tile of a few input channels with its halo, and their weights. All of a
 // thread's reads are made before its first write, in any case and without a branch between them, so that they are under
 // way together.
+#import residual_map
 #import residual_source
 
 const COLUMNS: u32 = CONV_COLUMNS + 2u;
@@ -33,25 +34,39 @@ fn upper_of(pair: u32, row_groups: u32) -> u32 {
     return pair + pair / row_groups;
 }
 
+// Four numbers of an input by their positions: those of a channel lie CHANNELS apart.
 fn four_a(i: vec4<u32>) -> vec4<f32> {
-    return vec4(input_a[i.x], input_a[i.y], input_a[i.z], input_a[i.w]);
+    let at = i / CHANNELS;
+    return vec4(
+        number(input_a[at.x], i.x),
+        number(input_a[at.y], i.y),
+        number(input_a[at.z], i.z),
+        number(input_a[at.w], i.w),
+    );
 }
 
 fn four_b(i: vec4<u32>) -> vec4<f32> {
-    return vec4(input_b[i.x], input_b[i.y], input_b[i.z], input_b[i.w]);
+    let at = i / CHANNELS;
+    return vec4(
+        number(input_b[at.x], i.x),
+        number(input_b[at.y], i.y),
+        number(input_b[at.z], i.z),
+        number(input_b[at.w], i.w),
+    );
 }
 
 fn four_pooled(i: vec4<u32>) -> vec4<f32> {
-    let below = i + params.source.x;
-    return max(max(four_a(i), four_a(i + 1u)), max(four_a(below), four_a(below + 1u)));
+    let below = i + CHANNELS * params.source.x;
+    return max(max(four_a(i), four_a(i + CHANNELS)), max(four_a(below), four_a(below + CHANNELS)));
 }
 
 // Positions of four values of a pair in the input, or -1.
 fn places(chunk: Chunk, pair: u32, y: vec4<i32>, x: vec4<i32>) -> vec4<i32> {
     let channel = pair / chunk.row_groups;
-    let first = i32((chunk.first + channel) * params.source.x * params.source.y);
+    let c = chunk.first + channel;
+    let first = i32((c / CHANNELS) * params.source.x * params.source.y);
     let inside = (y >= vec4(0)) & (x >= vec4(0)) & vec4(channel < chunk.channels);
-    return select(vec4(-1), first + y + x, inside);
+    return select(vec4(-1), i32(CHANNELS) * (first + y + x) + i32(c % CHANNELS), inside);
 }
 
 // Whether the last two rows of a pair are no other's.

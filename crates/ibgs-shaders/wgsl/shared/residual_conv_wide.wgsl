@@ -14,6 +14,22 @@ fn add(m: mat4x4<f32>, w: vec4<f32>, x: vec4<f32>) -> mat4x4<f32> {
     );
 }
 
+#if PACKED
+fn relu(o: u32, sum: f32) -> f32 {
+    return max(sum + weights[params.bias + min(o, params.outputs - 1u)], 0.0);
+}
+
+fn store(o: u32, x: u32, y: u32, sums: vec2<f32>) {
+    if o < params.outputs && x < params.size.x && y < params.size.y {
+        output[((o / CHANNELS) * params.size.y + y) * params.size.x + x] = word(relu(o, sums.x), relu(o + 1u, sums.y));
+    }
+}
+
+fn store_pixel(o: u32, x: u32, y: u32, sums: vec4<f32>) {
+    store(o, x, y, sums.xy);
+    store(o + 2u, x, y, sums.zw);
+}
+#else
 fn store(o: u32, x: u32, y: u32, sum: f32) {
     if o >= params.outputs || x >= params.size.x || y >= params.size.y {
         return;
@@ -36,6 +52,7 @@ fn store_pixel(o: u32, x: u32, y: u32, sums: vec4<f32>) {
     store(o + 2u, x, y, sums.z);
     store(o + 3u, x, y, sums.w);
 }
+#endif
 
 fn store_quad(o: u32, x: u32, y: u32, upper: mat4x4<f32>, lower: mat4x4<f32>) {
     store_pixel(o, x, y, upper[0]);

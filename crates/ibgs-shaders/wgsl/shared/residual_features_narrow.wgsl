@@ -35,11 +35,21 @@ fn store(start: u32, pixels: u32, c: Corners, scale: f32, lane: u32) {
     #repeat p 8
     {
         let values = subgroupShuffle(scale, $pu) * merged[$p];
+        #if PACKED
+        // The channels of a word are those of two lanes.
+        let others = subgroupShuffle(values, lane ^ 1u);
+        if start + $pu < pixels && lane % 2u == 0u {
+            #repeat q 4
+            x[(4u * $qu + lane / 2u) * pixels + start + $pu] = word(values[$q], others[$q]);
+            #end
+        }
+        #else
         if start + $pu < pixels {
             #repeat q 4
             x[(8u * $qu + lane) * pixels + start + $pu] = values[$q];
             #end
         }
+        #endif
     }
     #end
     let last = ray_and_color(c);

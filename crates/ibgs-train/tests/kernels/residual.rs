@@ -169,6 +169,21 @@ fn gradients_follow_the_twin_layer_by_layer_and_repeat() {
     }
 }
 
+/// Activations are rounded to halves: the residual must be as near to the twin as on matrix units.
+#[test]
+fn packed_halves_give_the_residual_to_half_precision() {
+    for (seed, (width, height)) in (0..).zip(SIZES) {
+        let weights = random_weights(seed);
+        let (x, _) = random_maps(width, height, seed);
+        let twin = interleaved(&forward(&weights, &x).residual);
+        let ours = forward_on_gpu(&weights, &x, Keep::Image, Arithmetic::Packed);
+        let error = relative_error(&double(&ours), &twin);
+        println!("{width} x {height}: {error:.1e}");
+        assert!(error <= 1e-3, "{width} x {height}: relative error {error:e}");
+        assert_ne!(ours, forward_on_gpu(&weights, &x, Keep::Image, Arithmetic::Full), "{width} x {height}: rounded");
+    }
+}
+
 /// The convolution has a form for subgroups of 8 lanes.
 #[test]
 fn subgroups_do_not_matter() {
@@ -294,8 +309,13 @@ fn unet_speed() {
     let v_residual = single(&uniform(OUTPUTS * width * height, 1.0, &mut rng));
     let v_residual = gpu.upload("v_residual", v_residual.as_chunks().0).unwrap();
     let v_weights = gpu.upload("v_weights", &[0.0f32; WEIGHTS]).unwrap();
-    for (precision, arithmetic) in [("full", Arithmetic::Full), ("half", Arithmetic::Half)] {
-        let path = UNet::new(&gpu, [width as u32, height as u32], Keep::Gradients, arithmetic).unwrap();
+    for (precision, arithmetic, keep) in [
+        ("full", Arithmetic::Full, Keep::Gradients),
+        ("frame full", Arithmetic::Full, Keep::Image),
+        ("frame packed", Arithmetic::Packed, Keep::Image),
+        ("half", Arithmetic::Half, Keep::Gradients),
+    ] {
+        let path = UNet::new(&gpu, [width as u32, height as u32], keep, arithmetic).unwrap();
         path.write_input(&gpu, &single(&planes));
         let run = |what: &'static str, run: &dyn Fn(&mut Pass)| {
             let once = || {
@@ -320,6 +340,8 @@ fn unet_speed() {
         };
         run("forward", &|pass| path.forward(pass, &weights));
         // Repeated without a forward in between the numbers are meaningless, the work is the same.
-        run("backward", &|pass| path.backward(pass, &weights, &v_residual, &v_weights));
+        if path.has_gradients() {
+            run("backward", &|pass| path.backward(pass, &weights, &v_residual, &v_weights));
+        }
     }
 }

@@ -138,7 +138,8 @@ fn difference(a: &[f32], b: &[f32]) -> f32 {
 pub(in crate::residual) fn arithmetic(gpu: &Gpu, precision: Precision) -> Arithmetic {
     match precision {
         Precision::Auto if pays(gpu) => Arithmetic::Half,
-        _ => Arithmetic::Full,
+        Precision::Auto => Arithmetic::Packed,
+        Precision::Full => Arithmetic::Full,
     }
 }
 
@@ -199,6 +200,7 @@ pub fn seconds_a_pixel(gpu: &Gpu, precision: Precision, enough: f64) -> Result<f
     let arithmetic = arithmetic(gpu, precision);
     let name = match arithmetic {
         Arithmetic::Full => "unet",
+        Arithmetic::Packed => "unet-of-packed-halves",
         Arithmetic::Half => "unet-on-matrix-units",
     };
     let pixels = f64::from(TIMED[0] * TIMED[1]);

@@ -1,17 +1,20 @@
-//! The U-Net's layers in float32, on any adapter. Activations are planes, `[channel][row][column]`.
+//! The U-Net's layers in float32, on any adapter. Activations are planes, `[channel][row][column]`, or for frames words with the
+//! halves of two channels, `[channel / 2][row][column]`.
 
+use super::Arithmetic;
 use super::backend::{Backend, BackwardBuffers, conv_input, splits};
 use super::memory::{Activations, Map};
-use crate::gpu::{Buffer, Gpu, Pass};
+use crate::gpu::{Buffer, Gpu, Pass, RawBuffer};
 use crate::raster::Keep;
 use crate::residual::layers::{FINAL, FUSE, INPUT, Layer, Part};
-use ibgs_shaders::Store;
 use ibgs_shaders::bindings::{
-    ResidualConvBindings, ResidualConvWeightsBindings, ResidualHeadBackwardBindings, ResidualHeadBindings,
-    ResidualHeadWeightsBindings, ResidualPoolBackwardBindings, ResidualSumBindings, ResidualUpsampleBackwardBindings,
+    ResidualConvBindings, ResidualConvPackedBindings, ResidualConvWeightsBindings, ResidualHeadBackwardBindings,
+    ResidualHeadBindings, ResidualHeadPackedBindings, ResidualHeadWeightsBindings, ResidualPoolBackwardBindings,
+    ResidualSumBindings, ResidualUpsampleBackwardBindings,
 };
 use ibgs_shaders::layers::{CONV_OUTPUTS, CONV_TILE};
 use ibgs_shaders::types::{ConvParams, ConvWeightsParams, HeadParams, PoolParams, SumParams, UpsampleParams};
+use ibgs_shaders::{Bindings, Store};
 
 /// Pixels of a workgroup of the head.
 const HEAD_PIXELS: u32 = 512;
@@ -66,15 +69,31 @@ fn conv(pass: &mut Pass, weights: &Buffer<f32>, inputs: &[&Map], output: &Map, s
         groups,
         ..params
     };
-    let (input_a, input_b) = (a.planes(), b.unwrap_or(a).planes());
-    let bindings = ResidualConvBindings { weights, input_a, input_b, output: output.planes() };
-    let [width, height] = output.size;
+    let b = b.unwrap_or(a);
+    match output.arithmetic() {
+        Arithmetic::Packed => {
+            let (input_a, input_b, output) = (a.words(), b.words(), output.words());
+            launch(pass, &ResidualConvPackedBindings { weights, input_a, input_b, output }, &params);
+        }
+        _ => {
+            let (input_a, input_b, output) = (a.planes(), b.planes(), output.planes());
+            launch(pass, &ResidualConvBindings { weights, input_a, input_b, output }, &params);
+        }
+    }
+}
+
+/// The workgroups of a convolution.
+fn launch<'b, T>(pass: &mut Pass, bindings: &T, params: &ConvParams)
+where
+    T: Bindings<'b, RawBuffer, Params = ConvParams>,
+{
+    let ([width, height], groups) = (params.size, params.groups);
     if pass.gpu().subgroup_lanes == Some(8) {
         // Blocks of 8 x 4 pixels, 16 to a workgroup.
         let blocks = width.div_ceil(8) * height.div_ceil(4) * groups;
-        pass.groups(&bindings, &params, blocks.div_ceil(16) as usize);
+        pass.groups(bindings, params, blocks.div_ceil(16) as usize);
     } else {
-        pass.grid(&bindings, &params, [width.div_ceil(CONV_TILE[0]), height.div_ceil(CONV_TILE[1] * 4 / groups), 1]);
+        pass.grid(bindings, params, [width.div_ceil(CONV_TILE[0]), height.div_ceil(CONV_TILE[1] * 4 / groups), 1]);
     }
 }
 
@@ -109,9 +128,18 @@ impl Backend for Full {
 
     fn head(&self, pass: &mut Pass, weights: &Buffer<f32>, maps: &Activations) {
         let params = head_params(maps);
-        let (d1, x, f) = (maps.d1.planes(), maps.x.planes(), maps.f.planes());
-        let bindings = ResidualHeadBindings { weights, d1, x, residual: &maps.residual, f };
-        pass.groups(&bindings, &params, params.pixels.div_ceil(HEAD_PIXELS) as usize);
+        let groups = params.pixels.div_ceil(HEAD_PIXELS) as usize;
+        let Activations { x, d1, f, residual, .. } = maps;
+        match x.arithmetic() {
+            Arithmetic::Packed => {
+                let (d1, x) = (d1.words(), x.words());
+                pass.groups(&ResidualHeadPackedBindings { weights, residual, d1, x }, &params, groups);
+            }
+            _ => {
+                let (d1, x, f) = (d1.planes(), x.planes(), f.planes());
+                pass.groups(&ResidualHeadBindings { weights, residual, d1, x, f }, &params, groups);
+            }
+        }
     }
 
     fn head_backward(&self, pass: &mut Pass, buffers: &BackwardBuffers) {

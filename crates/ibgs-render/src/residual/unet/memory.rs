@@ -25,6 +25,8 @@ pub(super) struct Map {
 enum Memory {
     /// Float32, `[channel][row][column]`.
     Planes(Buffer<f32>),
+    /// Halves of two channels a word, `[channel / 2][row][column]`.
+    Words(Buffer<u32>),
     /// Half precision, channels last and padded to a multiple of 16, `[row][column][channel]`, four channels a row of the
     /// buffer.
     Halves(Buffer<[F16; 4]>),
@@ -35,6 +37,7 @@ fn rows(arithmetic: Arithmetic, channels: usize, size: [u32; 2]) -> usize {
     let pixels = size[0] as usize * size[1] as usize;
     match arithmetic {
         Arithmetic::Full => channels * pixels,
+        Arithmetic::Packed => channels.div_ceil(2) * pixels,
         // Room for whole matrices behind the last pixel.
         Arithmetic::Half => padded(channels) as usize / 4 * pixels.next_multiple_of(16),
     }
@@ -51,6 +54,7 @@ impl Map {
         let rows = rows(arithmetic, channels, size);
         let memory = match arithmetic {
             Arithmetic::Full => Memory::Planes(gpu.allocate(what, rows)?),
+            Arithmetic::Packed => Memory::Words(gpu.allocate(what, rows)?),
             Arithmetic::Half => Memory::Halves(gpu.allocate(what, rows)?),
         };
         Ok(Self { memory, channels, size })
@@ -61,6 +65,7 @@ impl Map {
         let rows = rows(self.arithmetic(), channels, size);
         let (memory, has) = match &self.memory {
             Memory::Planes(planes) => (Memory::Planes(planes.part(at, rows)), planes.rows()),
+            Memory::Words(words) => (Memory::Words(words.part(at, rows)), words.rows()),
             Memory::Halves(halves) => (Memory::Halves(halves.part(at, rows)), halves.rows()),
         };
         assert!(at + rows <= has, "an activation does not fit its memory");
@@ -70,6 +75,7 @@ impl Map {
     pub fn arithmetic(&self) -> Arithmetic {
         match self.memory {
             Memory::Planes(_) => Arithmetic::Full,
+            Memory::Words(_) => Arithmetic::Packed,
             Memory::Halves(_) => Arithmetic::Half,
         }
     }
@@ -81,7 +87,18 @@ impl Map {
     pub fn planes(&self) -> &Buffer<f32> {
         match &self.memory {
             Memory::Planes(planes) => planes,
-            Memory::Halves(_) => unreachable!("an activation in float32"),
+            Memory::Words(_) | Memory::Halves(_) => unreachable!("an activation in float32"),
+        }
+    }
+
+    /// The words of one whose halves are packed.
+    ///
+    /// # Panics
+    /// When it lies otherwise: a bug of ours.
+    pub fn words(&self) -> &Buffer<u32> {
+        match &self.memory {
+            Memory::Words(words) => words,
+            Memory::Planes(_) | Memory::Halves(_) => unreachable!("an activation in words"),
         }
     }
 
@@ -92,7 +109,7 @@ impl Map {
     pub fn halves(&self) -> &Buffer<[F16; 4]> {
         match &self.memory {
             Memory::Halves(halves) => halves,
-            Memory::Planes(_) => unreachable!("an activation in half precision"),
+            Memory::Planes(_) | Memory::Words(_) => unreachable!("an activation for matrix units"),
         }
     }
 
@@ -112,17 +129,21 @@ impl Map {
     pub fn write(&self, gpu: &Gpu, planes: &[f32]) {
         let memory = match &self.memory {
             Memory::Planes(memory) => return gpu.write(memory, 0, planes),
-            Memory::Halves(memory) => memory,
+            Memory::Words(memory) => memory.cast(),
+            Memory::Halves(memory) => memory.cast(),
         };
-        let (pixels, channels) = (self.pixels() as usize, padded(self.channels) as usize);
-        let mut halves = vec![F16::default(); pixels * channels];
+        let pixels = self.pixels() as usize;
+        // Channels that lie side by side, and pixels between those that do not.
+        let (side, rows) = match self.memory {
+            Memory::Halves(_) => (padded(self.channels) as usize, 0),
+            _ => (2, pixels),
+        };
+        let mut halves = vec![F16::default(); self.channels.next_multiple_of(side) * pixels];
         for (channel, plane) in planes.chunks_exact(pixels).enumerate() {
-            plane
-                .iter()
-                .enumerate()
-                .for_each(|(p, v)| halves[p * channels + channel] = F16(f16::from_f32(*v).to_bits()));
+            let first = channel / side * side * rows + channel % side;
+            plane.iter().enumerate().for_each(|(p, v)| halves[first + p * side] = F16(f16::from_f32(*v).to_bits()));
         }
-        gpu.write(memory, 0, halves.as_chunks().0);
+        gpu.write::<F16>(&memory, 0, &halves);
     }
 
     /// Reads it as float32 planes, `[channel][row][column]`.
@@ -164,12 +185,12 @@ impl Activations {
         let (x, e1) = (map("unet x", INPUT, full)?, map("unet e1", INPUT, full)?);
         let (u1, d1) = (map("unet u1", INPUT, full)?, map("unet d1", INPUT, full)?);
         let residual = gpu.allocate("residual", x.pixels() as usize)?;
-        if (arithmetic, keep) == (Arithmetic::Full, Keep::Image) {
+        if arithmetic != Arithmetic::Half && keep == Keep::Image {
             // What a layer reads never lies in the buffer that it writes: e2, u2 and then u1 share one, b, d2, d1 the
             // other.
             let alignment = gpu.limits.min_storage_buffer_offset_alignment as usize / size_of::<f32>();
             let e2 = u1.reuse(HALF, half, 0);
-            let u2 = u1.reuse(HALF, half, e2.planes().rows().next_multiple_of(alignment));
+            let u2 = u1.reuse(HALF, half, rows(arithmetic, HALF, half).next_multiple_of(alignment));
             let (b, d2) = (d1.reuse(QUARTER, quarter, 0), d1.reuse(HALF, half, 0));
             let f = map("unet f", 0, full)?;
             return Ok(Self { x, e1, e2, b, u2, d2, u1, d1, f, residual, keep });
