@@ -54,7 +54,7 @@ pub struct Args {
     #[arg(long, default_value_t = 2)]
     sh_degree: u32,
     /// Precision of the residual network, in frames and in training: `full` (float32) or `auto` (half precision on matrix
-    /// units that pass a test).
+    /// units that pass a test, else activations of frames alone).
     #[arg(long, default_value = "auto", value_parser = super::word::<ibgs_core::residual::Precision>())]
     precision: ibgs_core::residual::Precision,
     /// Runs for each median, at least 5, after as many for warm-up.

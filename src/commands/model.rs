@@ -63,7 +63,7 @@ pub struct ModelArgs {
     #[arg(long)]
     pub host_memory: Option<MemoryBudget>,
     /// Precision of the residual network, and of the colours in the pictures of `render` and in levels of detail: `full`
-    /// (float32) or `auto` (half precision; the network on matrix units that pass a test).
+    /// (float32) or `auto` (half precision; the network on matrix units that pass a test, else its activations alone).
     #[arg(long, default_value = "auto", value_parser = word::<Precision>())]
     pub precision: Precision,
     /// GPU memory for a bundle with levels of detail (`ibgs export --levels`): `auto`, `none` (all that the model needs), or a

@@ -21,6 +21,8 @@
 //! | what moves | 48 a cell of all training photos, where masks are learned |
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
+//!
+//! The network's are those of float32, the most that any precision takes.
 
 mod needs;
 

@@ -21,6 +21,7 @@ pub mod viewer;
 use ibgs_core::gpu::{Gpu, device_descriptor};
 use ibgs_core::model::{Model, ModelOptions};
 use ibgs_core::render::Renderer;
+use ibgs_core::residual::Precision;
 use ibgs_core::scene::Harmonics;
 use js_sys::{Error, Uint8ClampedArray};
 use std::path::Path;
@@ -55,7 +56,7 @@ pub async fn open(bundle: Vec<u8>) -> Result<Scene, Error> {
 
 /// How the page opens its bundle.
 fn options() -> ModelOptions {
-    ModelOptions { harmonics: Harmonics::Half, ..ModelOptions::default() }
+    ModelOptions { precision: Precision::Auto, harmonics: Harmonics::Half, ..ModelOptions::default() }
 }
 
 async fn gpu() -> Result<Arc<Gpu>, Error> {

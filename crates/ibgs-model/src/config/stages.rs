@@ -63,8 +63,8 @@ pub struct ResidualConfig {
     /// Number of members of the ensemble that have a network and a surface, 1 to `ensemble`: the final image has the mean of their
     /// residuals. A departure from method.md.
     pub networks: u32,
-    /// In training; `auto`: in half precision on matrix units where they pass a test, not in runs that are `deterministic`; `full`:
-    /// float32.
+    /// In training; `auto`: in half precision on matrix units where they pass a test, else only the activations of rendered views are
+    /// halves, not in runs that are `deterministic`; `full`: float32.
     pub precision: Precision,
     /// What its output is: `residual`, as published; `gated`, a residual and a share of the sources' mean difference,
     /// which is taken at the image's size. Unset: `residual` at the factor 1, `gated` at a smaller one.

@@ -227,7 +227,7 @@ class Model:
     ) -> Model:
         """Opens a model folder or a bundle. `source` is the scene's folder, if it has moved since the training.
 
-        `precision` is that of `ibgs render`, whose default is `auto`: colours in half precision, and the network too where that is faster.
+        `precision` is that of `ibgs render`, whose default is `auto`: colours and the network's activations in half precision, and its arithmetic where that is faster.
         """
     @property
     def views(self) -> list[View]:

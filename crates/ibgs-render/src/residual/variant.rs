@@ -26,7 +26,7 @@ pub enum Precision {
     #[default]
     Full,
     /// Halves on matrix units, their products summed in float32, where the adapter has such units that pass a test of results
-    /// and speed; otherwise as `full`.
+    /// and speed; otherwise as `full`, but frames keep the activations as halves.
     Auto,
 }
 

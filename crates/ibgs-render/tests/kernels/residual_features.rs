@@ -137,6 +137,7 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
         InputGradients { residual: &residual.cast(), v_image: &v_image, v_warped: &v_warped.cast(), v_base: &v_base };
     features.record_inputs_backward(&mut pass, &inputs, &gradients, &out);
     pass.submit();
+    assert_packed(&gpu, &features, &inputs, &read(&x, INPUT * n));
     if gpu.matrix_units.is_some() {
         assert_halves(&gpu, &features, &inputs, &read(&x, INPUT * n));
     }
@@ -155,6 +156,24 @@ fn on_gpu_with(view: &View, v_x: &[f64], halves: bool) -> OnGpu {
     let v_base = read(&v_base, 3 * pixels).iter().map(|v| v - 0.5).collect();
     let (x, v_warped) = (read(&x, INPUT * n), read(&v_warped, 4 * view.warped.len()));
     OnGpu { x, x_on_units, v_warped, v_base, v_weights }
+}
+
+/// The input of the U-Net as packed halves is the same, rounded to the nearest; the smallest numbers may be zero.
+fn assert_packed(gpu: &Gpu, features: &Features, inputs: &FeatureInputs, planes: &[f64]) {
+    let n = planes.len() / INPUT;
+    let x = gpu.upload("test", &vec![u32::MAX; INPUT / 2 * n]).unwrap();
+    let mut pass = Pass::new(gpu, "features");
+    features.record_packed(&mut pass, inputs, &x);
+    pass.submit();
+    for (i, word) in gpu.read(&x, INPUT / 2 * n).unwrap().into_iter().enumerate() {
+        for (side, bits) in [word as u16, (word >> 16) as u16].into_iter().enumerate() {
+            let (p, channel) = (i % n, 2 * (i / n) + side);
+            let expected = planes[channel * n + p];
+            let error = (f16::from_bits(bits).to_f64() - expected).abs();
+            let most = if expected.abs() < 6.2e-5 { 6.2e-5 } else { 1.001 * expected.abs() / 2048.0 };
+            assert!(error <= most, "pixel {p}, channel {channel}: {error:e} of {expected}");
+        }
+    }
 }
 
 /// The input of the U-Net on matrix units is the same, rounded and turned.

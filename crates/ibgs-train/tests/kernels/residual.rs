@@ -184,6 +184,22 @@ fn packed_halves_give_the_residual_to_half_precision() {
     }
 }
 
+/// A network that passes one value on: 100 x in e1, which is more than a half holds, and a thousandth of that in d1.
+#[test]
+fn packed_halves_saturate() {
+    let mut weights = vec![0.0; WEIGHTS];
+    let mut connect = |layer: &Layer, input: usize, weight: f64| {
+        weights[layer.offset + input * layer.taps + layer.taps / 2] = weight;
+    };
+    connect(&ENC1, 0, 100.0);
+    connect(&DEC1, INPUT, 0.001);
+    connect(&FUSE, 0, 1.0);
+    connect(&FINAL, 0, 1.0);
+    let x = Map::new(vec![1000.0; INPUT * 8 * 5], 8, 5);
+    let residual = forward_on_gpu(&weights, &x, Keep::Image, Arithmetic::Packed);
+    assert!(residual.iter().step_by(OUTPUTS).all(|v| *v == 65.5), "{residual:?}");
+}
+
 /// The convolution has a form for subgroups of 8 lanes.
 #[test]
 fn subgroups_do_not_matter() {
