@@ -21,7 +21,7 @@ fn a_bundle_is_the_model() {
         fs::remove_file(sandbox.path("model").join(name)).unwrap();
     }
     let tables = ["model", "small.ibgs"].map(|model| {
-        let stdout = sandbox.succeeds(&format!("eval {model}")).stdout;
+        let stdout = sandbox.succeeds(&format!("eval {model} --precision full")).stdout;
         stdout.lines().take_while(|line| !line.is_empty()).map(str::to_owned).collect::<Vec<_>>()
     });
     assert_eq!(tables[0], tables[1]);

@@ -36,9 +36,9 @@ fn every_output_as_picture_and_as_values() {
     let (sandbox, _) = Sandbox::with_trained();
     let all = "--outputs final,base,residual,depth,normal,visibility";
     fs::remove_dir_all(sandbox.path("model/test/ours_30")).unwrap();
-    // The values are those of float32; pictures have halves unless they are asked for the same.
+    // Colours of values are float32, and those of pictures halves unless they are asked for the same.
     sandbox.succeeds(&format!("render model {all} --precision full"));
-    sandbox.succeeds(&format!("render model {all} --exr"));
+    sandbox.succeeds(&format!("render model {all} --precision full --exr"));
     let kinds = ["predicted_residual", "renders", "renders_aggregate", "renders_depth", "renders_normal", "visibility"];
     let mut expected: Vec<String> =
         kinds.iter().flat_map(|kind| ["000", "008"].map(|v| format!("{kind}/images/view_{v}.png"))).collect();
