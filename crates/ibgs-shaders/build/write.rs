@@ -37,7 +37,11 @@ pub fn kernels(kernels: &[Description]) -> String {
     }
     for (set, ident, doc) in [
         (KernelSet::Render, "RENDER_KERNELS", "The kernels of rendering, which keep to the limits of a browser."),
-        (KernelSet::Train, "TRAIN_KERNELS", "The kernels of training and of measurements."),
+        (
+            KernelSet::Train,
+            "TRAIN_KERNELS",
+            "The kernels of training, of measurements, and of frames with the residual network in float32.",
+        ),
         (
             KernelSet::Matrix,
             "MATRIX_KERNELS",

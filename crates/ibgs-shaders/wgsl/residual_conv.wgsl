@@ -1,4 +1,3 @@
-#set render
 #stage unet
 // A 3 x 3 convolution with zero padding over one or two inputs (two: a concatenation that is never stored), forward or,
 // with the strides of the weights exchanged and the taps turned, the gradient by the input (method.md section 6).
@@ -43,6 +42,7 @@ var<immediate> params: ConvParams;
 
 #kernel residual_conv
 //! 3 x 3 convolution, forward or gradient by the input.
+#set train
 @group(0) @binding(1) var<storage, read> input_a: array<f32>;
 @group(0) @binding(2) var<storage, read> input_b: array<f32>;
 @group(0) @binding(3) var<storage, read_write> output: array<f32>;
@@ -55,6 +55,7 @@ var<immediate> params: ConvParams;
 
 #kernel residual_conv_packed
 //! As [`RESIDUAL_CONV`], forward, with activations as halves.
+#set render
 #define PACKED
 @group(0) @binding(1) var<storage, read> input_a: array<u32>;
 @group(0) @binding(2) var<storage, read> input_b: array<u32>;

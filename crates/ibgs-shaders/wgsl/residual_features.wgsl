@@ -1,8 +1,8 @@
-#set render
 #stage features
 
 #kernel residual_features
 //! Features and per-view MLP: the U-Net's input.
+#set train
 #import residual_features_main
 
 /// Planes [38][pixels].
@@ -21,6 +21,7 @@ fn put(channel: u32, i: u32, v: vec4<f32>) {
 
 #kernel residual_features_packed
 //! As [`RESIDUAL_FEATURES`], as halves.
+#set render
 #define PACKED
 #import residual_features_main
 #import residual_map

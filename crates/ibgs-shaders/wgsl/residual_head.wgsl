@@ -1,4 +1,3 @@
-#set render
 #stage unet
 // One thread four pixels: f and the output of the U-Net's last two layers.
 @group(0) @binding(0) var<storage, read> weights: array<f32>;
@@ -6,6 +5,7 @@
 
 #kernel residual_head
 //! The U-Net's last two layers.
+#set train
 #import residual_head_main
 
 @group(0) @binding(2) var<storage, read> d1: array<f32>;
@@ -25,6 +25,7 @@ fn keep(o: u32, pixels: vec4<u32>, values: vec4<f32>) {
 
 #kernel residual_head_packed
 //! As [`RESIDUAL_HEAD`], with activations as halves, and without f.
+#set render
 #define PACKED
 #import residual_head_main
 

@@ -37,7 +37,7 @@ impl Gpu {
     }
 
     /// Compiles the kernels that rendering needs, so that the first frame does not wait for one after the other; `network`: also
-    /// those of the residual network. A browser compiles while the page goes on.
+    /// those of the residual network, but for float32 frames. A browser compiles while the page goes on.
     pub fn warm_up_rendering(&self, network: bool) {
         // The test of the matrix units has backward passes too.
         let tested = network && self.matrix_units.is_some();

@@ -5,13 +5,14 @@ use crate::common::{scene_parameters, values};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::ExposurePass;
+use ibgs_core::raster::Keep;
 use ibgs_core::residual::layers::{LAYERS, WEIGHTS};
-use ibgs_core::residual::{Aggregation, Factor, Output, Precision, Residual, ResidualTask, Variant};
+use ibgs_core::residual::{Aggregation, Factor, Output, Precision, Residual, ResidualInputs, ResidualTask, Variant};
 use ibgs_core::sources::DevicePhoto;
 use ibgs_core::sources::Warper;
 use ibgs_reference::exposure::Exposure;
 use ibgs_reference::gpu::view_of;
-use ibgs_reference::gpu::{gpu, rasterizer, source_view};
+use ibgs_reference::gpu::{gpu, pixels, rasterizer, scene_splats, source_view};
 use ibgs_reference::random_scene::{exact, random_image};
 use ibgs_reference::surface_scene::{Scene, TENSORS, smooth_photo, wall};
 use ibgs_reference::warp::SOFT_REACH;
@@ -317,4 +318,29 @@ fn the_twin_follows_finite_differences() {
             assert!(best <= 1e-4, "{what}, {names:?}: {best:e}");
         }
     }
+}
+
+/// Activations of frames may be rounded where those of iterations are not.
+#[test]
+fn a_frame_does_not_depend_on_the_iteration_before_it() {
+    let case = case(9, false, Factor::Full);
+    let (gpu, raster, scene) = (gpu(), rasterizer(), &case.scene);
+    let forward = raster.surface(&scene_splats(scene), &view_of(scene, 0.0)).unwrap();
+    let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
+    let options = warping(scene);
+    let visible = options.visible;
+    let warper = Warper::new(gpu.clone(), options);
+    let warped = warper.warp(&forward, &sources, warper.memory(&scene.camera).unwrap()).unwrap();
+    let weights: Vec<f32> = case.weights.iter().map(|w| *w as f32).collect();
+    let weights = gpu.upload("weights", &weights).unwrap();
+    let task = ResidualTask { camera: scene.camera, seen: warped.seen.clone(), gain: 1.0 };
+    let image = |residual: &Residual, keep| {
+        let (base, warped, weights) = (forward.image.clone(), warped.colors.clone(), weights.clone());
+        let inputs = ResidualInputs { base, warped, visible, weights };
+        let pass = residual.forward(&task, inputs, keep, raster.image_memory(&scene.camera).unwrap()).unwrap();
+        pixels(&pass.image, &scene.camera)
+    };
+    let [used, fresh] = [(); 2].map(|()| Residual::new(gpu.clone(), case.variant, Precision::Auto));
+    image(&used, Keep::Gradients);
+    assert!(image(&used, Keep::Image) == image(&fresh, Keep::Image));
 }
