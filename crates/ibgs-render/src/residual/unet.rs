@@ -146,7 +146,7 @@ impl UNet {
     /// The device is lost.
     pub fn read_v_x(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
         match self.backend.unscale() {
-            Some(unscale) => Ok(self.maps.f.read(gpu)?.into_iter().map(|v| unscale * v).collect()),
+            Some(unscale) => Ok(self.maps.f.read_halves(gpu)?.into_iter().map(|v| unscale * v).collect()),
             None => gpu.read(&self.v_planes, INPUT * self.maps.x.pixels() as usize),
         }
     }

@@ -146,14 +146,10 @@ impl Map {
         gpu.write::<F16>(&memory, 0, &halves);
     }
 
-    /// Reads it as float32 planes, `[channel][row][column]`.
-    pub fn read(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
-        let (pixels, channels) = (self.pixels() as usize, padded(self.channels) as usize);
-        let memory = match &self.memory {
-            Memory::Planes(memory) => return gpu.read(memory, self.channels * pixels),
-            Memory::Halves(memory) => memory,
-        };
-        let halves = gpu.read(memory, channels / 4 * pixels)?.into_flattened();
+    /// Reads one in half precision as float32 planes, `[channel][row][column]`.
+    pub fn read_halves(&self, gpu: &Gpu) -> Result<Vec<f32>, GpuError> {
+        let channels = padded(self.channels) as usize;
+        let halves = gpu.read(self.halves(), channels / 4 * self.pixels() as usize)?.into_flattened();
         let planes = (0..self.channels).flat_map(|channel| halves[channel..].iter().step_by(channels));
         Ok(planes.map(|value| f16::from_bits(value.0).to_f32()).collect())
     }
