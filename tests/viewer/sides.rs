@@ -1,5 +1,6 @@
 //! The panels beside the picture, and the tabs that fold them.
 
+use super::edit::editing;
 use super::*;
 use egui_kittest::kittest::Queryable;
 
@@ -33,6 +34,20 @@ fn panels_leave_the_picture_most_of_a_small_window() {
         assert_eq!(shares(&window, size), [width, height], "{size}");
     }
     assert_eq!(window.state().error(), None);
+}
+
+/// Right of the picture in windows of two widths, below it, and back: what is open stays open.
+#[test]
+fn sections_stay_open_where_the_panel_changes_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = editing(plain(folder.path()));
+    click_on(&mut window, "Floaters");
+    for size in [[1300.0, 700.0], [760.0, 700.0], [620.0, 900.0], [1300.0, 700.0]].map(Vec2::from) {
+        window.set_size(size);
+        settle(&mut window);
+        assert!(window.query_by_label("Preview").is_some(), "{size}: Floaters is folded");
+        assert!(window.query_by_label("Gizmo").is_none(), "{size}: Place and size is open");
+    }
 }
 
 /// Where there is no room for both, views and facts take turns.

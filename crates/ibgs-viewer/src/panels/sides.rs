@@ -5,7 +5,9 @@ use super::{edit, path, pixel, training, views};
 use crate::IN_BROWSER;
 use crate::icons::{self, Icon, draw};
 use crate::viewer::Viewer;
-use eframe::egui::{self, Context, Grid, Panel, Pos2, Rect, Role, ScrollArea, Sense, Ui, Vec2, WidgetInfo};
+use eframe::egui::{
+    self, Context, Grid, Id, Panel, Pos2, Rect, Role, ScrollArea, Sense, Ui, UiBuilder, Vec2, WidgetInfo,
+};
 
 /// Windows that are narrower, in points, have no room for panels on both sides.
 pub const SMALL: f32 = 900.0;
@@ -85,19 +87,26 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
             Panel::right(name).default_size(300.0_f32.min(most)).max_size(most)
         }
     };
-    panel.show(ui, |ui| {
-        ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
-            // Beside a slider there is room for its value and its name.
-            ui.spacing_mut().slider_width = (ui.available_width() - BESIDE_SLIDER).clamp(40.0, 100.0);
-            training::training(viewer, ui);
-            edit::panel(viewer, ui);
-            if viewer.panels.shows_path {
-                path::panel(viewer, ui);
-            }
-            if shows_pixel(viewer) {
-                pixel::pixel(viewer, ui);
-            }
-        });
+    panel.show(ui, |ui| in_any_place("facts in any place", ui, |ui| scrolled_facts(viewer, ui)));
+}
+
+/// What a panel holds. What is open and how far it is scrolled stays when the panel changes its place.
+pub fn in_any_place(name: &str, ui: &mut Ui, content: impl FnOnce(&mut Ui)) {
+    ui.scope_builder(UiBuilder::new().scope_id(Id::unique(name)), content);
+}
+
+fn scrolled_facts(viewer: &mut Viewer, ui: &mut Ui) {
+    ScrollArea::vertical().auto_shrink(false).show(ui, |ui| {
+        // Beside a slider there is room for its value and its name.
+        ui.spacing_mut().slider_width = (ui.available_width() - BESIDE_SLIDER).clamp(40.0, 100.0);
+        training::training(viewer, ui);
+        edit::panel(viewer, ui);
+        if viewer.panels.shows_path {
+            path::panel(viewer, ui);
+        }
+        if shows_pixel(viewer) {
+            pixel::pixel(viewer, ui);
+        }
     });
 }
 

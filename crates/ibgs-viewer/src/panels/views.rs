@@ -1,6 +1,6 @@
 //! The scene's views at the left.
 
-use super::elided;
+use super::{elided, sides};
 use crate::View;
 use crate::marks;
 use crate::theme::as_text;
@@ -19,7 +19,7 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
     let (views, mut step, mut chosen) = (&scene.views, 0, None);
     let (on_view, thumbnails) = (viewer.on_view, &mut viewer.thumbnails);
     // In a narrow window the photos alone.
-    let is_narrow = super::sides::is_narrow(ui.ctx());
+    let is_narrow = sides::is_narrow(ui.ctx());
     let panel = match is_narrow {
         true => egui::Panel::left("narrow views").exact_size(88.0),
         false => egui::Panel::left("views").default_size(190.0).max_size((0.4 * ui.available_width()).max(80.0)),
@@ -36,20 +36,22 @@ pub fn views(viewer: &mut Viewer, ui: &mut Ui) {
                 step = 1;
             }
         });
-        egui::ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, views.len(), |ui, rows| {
-            for index in rows {
-                let view = &views[index];
-                let kind = if view.held_out { "held out from training" } else { "trained on" };
-                let (rect, row) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
-                row.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &view.name));
-                if row.clicked() {
-                    chosen = Some(index);
+        sides::in_any_place("views in any place", ui, |ui| {
+            egui::ScrollArea::vertical().auto_shrink(false).show_rows(ui, ROW, views.len(), |ui, rows| {
+                for index in rows {
+                    let view = &views[index];
+                    let kind = if view.held_out { "held out from training" } else { "trained on" };
+                    let (rect, row) = ui.allocate_exact_size(Vec2::new(ui.available_width(), ROW), Sense::click());
+                    row.widget_info(|| egui::WidgetInfo::labeled(egui::Role::Button, true, &view.name));
+                    if row.clicked() {
+                        chosen = Some(index);
+                    }
+                    let texture = thumbnails.of(ui.ctx(), index, view);
+                    let is_focused = row.hovered() || row.has_focus();
+                    paint(ui, rect, view, texture.as_ref(), (on_view == Some(index), is_focused, is_narrow));
+                    row.on_hover_text(format!("{}, {kind}", view.name));
                 }
-                let texture = thumbnails.of(ui.ctx(), index, view);
-                let is_focused = row.hovered() || row.has_focus();
-                paint(ui, rect, view, texture.as_ref(), (on_view == Some(index), is_focused, is_narrow));
-                row.on_hover_text(format!("{}, {kind}", view.name));
-            }
+            });
         });
     });
     if step != 0 {
