@@ -332,11 +332,14 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>, bars: &Bars) 
     let pictures = model.folder.root().to_owned();
     // A model can be viewed without the photos of its scene.
     let mut note = None;
-    let (photos, points) = match model.dataset(bars) {
+    let own = model.own_photos().cloned();
+    let (mut photos, points) = match model.dataset(bars) {
         Ok(dataset) => {
             let photo = |view: &ibgs_core::dataset::View| (view.name.clone(), view.photo.clone());
             (dataset.views.iter().map(photo).collect(), dataset.points.clone())
         }
+        // A bundle lacks held-out photos alone.
+        Err(_) if own.is_some() => (HashMap::new(), Vec::new()),
         Err(error) => {
             let lacks_final = model.config.method == Method::Ibgs && model.renderer.part().is_none();
             let shown = if lacks_final { "the base image is shown" } else { "it is shown" };
@@ -346,6 +349,8 @@ fn model(args: &ModelArgs, gpu: impl FnOnce() -> Result<Arc<Gpu>>, bars: &Bars) 
             (HashMap::new(), Vec::new())
         }
     };
+    // Those of a bundle may have masks that the scene does not have.
+    photos.extend(own.unwrap_or_default());
     let view = |record| -> Result<View> {
         let view = View::of(record, &photos);
         Ok(match (model.learned_mask(record)?, &view.photo) {

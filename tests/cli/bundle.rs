@@ -1,6 +1,10 @@
 //! A model in one file.
 
 use super::{Sandbox, files_in};
+use glam::{DMat3, DVec3};
+use ibgs_core::bundle::Packing;
+use ibgs_core::model::{Model, ModelOptions};
+use ibgs_core::similarity::Similarity;
 use std::fs;
 
 /// Pictures and results of `test` below a folder, as far as they do not tell the time.
@@ -62,6 +66,30 @@ fn a_bundle_with_levels_is_the_model_too() {
     assert_eq!(size("back.ply"), size("first.ply"));
     sandbox.fails("export model -o other.ply --levels", &["--levels", "`.ibgs`"]);
     sandbox.fails("render chunks.ibgs --gpu-memory 1KiB", &["--gpu-memory"]);
+}
+
+/// The scene of a bundle that was turned, scaled and moved follows it: held-out photos are compared with views from there.
+#[test]
+fn a_moved_bundle_is_measured_where_it_stands() {
+    let (sandbox, _) = Sandbox::with_trained();
+    sandbox.succeeds("export model -o small.ibgs");
+    let open = |name: &str| Model::open(&sandbox.path(name), &ModelOptions::default()).unwrap();
+    let by = Similarity { scale: 2.0, rotation: DMat3::from_rotation_y(0.7), translation: DVec3::new(5.0, -1.0, 3.0) };
+    let mut model = open("small.ibgs");
+    model.place(&by);
+    model.into_bundle(&()).unwrap().write(&sandbox.path("moved.ibgs"), Packing::Lossless).unwrap();
+    let [psnr, moved] = ["small", "moved"].map(|name| {
+        sandbox.succeeds(&format!("eval {name}.ibgs"));
+        sandbox.json(&format!("{name}/results_renders.json"))["ours_30"]["PSNR"].as_f64().unwrap()
+    });
+    assert!((psnr - moved).abs() < 0.05, "{psnr} dB, moved {moved} dB");
+    let [mut model, mut moved] = ["small.ibgs", "moved.ibgs"].map(open);
+    let [from, to] = [&mut model, &mut moved].map(|model| model.dataset(&()).unwrap().points.clone());
+    assert!(!from.is_empty() && from.len() == to.len());
+    for (from, to) in from.iter().zip(&to) {
+        let place = by.point(from.position);
+        assert!(place.distance(to.position) < 1e-6, "{} is not {place}", to.position);
+    }
 }
 
 fn without_its_scene(sandbox: &Sandbox, expected: &[(String, Vec<u8>)]) {

@@ -2,6 +2,7 @@
 
 use super::edit::{canvas, click_on, command, counts, differs, editing, open, pick};
 use super::*;
+use egui_kittest::kittest::{NodeT, Queryable};
 use glam::{DMat3, DVec2, DVec3};
 use ibgs_core::bundle::{Bundle, Packing};
 use ibgs_core::camera::Camera;
@@ -115,6 +116,27 @@ fn colors_of_the_wall(image: &[u8], target: &Camera) -> [usize; 2] {
     counts
 }
 
+/// The saved model brings its photos, with what they hide: the error of the wall, which is grey where they are green, has no part of
+/// the object.
+fn compares_what_photos_show_of_the_wall(saved: &Path) {
+    let wall = (2.0 * (0.5_f64).powi(2) + (200.0 / 255.0 - 0.5_f64).powi(2)) / 3.0;
+    let object = 3.0 * (0.5_f64).powi(2) / 3.0;
+    let mut opened = editing(open(saved));
+    assert!(
+        opened.state().scene().unwrap().views.iter().all(|view| view.photo.is_some()),
+        "a bundle brings its photos"
+    );
+    pick(&mut opened, "By values");
+    pick(&mut opened, "Error");
+    until(&mut opened, "compared", |viewer| viewer.compares() == Some(false));
+    opened.run_steps(2);
+    let [low, high] = ["from ", "to "].map(|name| {
+        let value = opened.get_by(|node| node.value().is_some_and(|value| value.starts_with(name)));
+        value.accesskit_node().numeric_value().unwrap()
+    });
+    assert!((low - wall).abs() < 0.01 && high < 0.5 * (wall + object), "{low} to {high} of {wall}");
+}
+
 #[test]
 fn a_deleted_object_leaves_no_ghost_in_the_final_image() {
     let folder = tempfile::tempdir().unwrap();
@@ -159,6 +181,7 @@ fn a_deleted_object_leaves_no_ghost_in_the_final_image() {
         }
     }
 
+    compares_what_photos_show_of_the_wall(&saved);
     for _ in 0..2 {
         command(&mut window, Modifiers::COMMAND, Key::Z);
     }

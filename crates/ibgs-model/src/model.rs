@@ -227,6 +227,11 @@ impl Model {
         training.into_iter().map(photo).collect()
     }
 
+    /// The photos of the training views by name, where the model brings them, as a bundle does.
+    pub fn own_photos(&self) -> Option<&HashMap<String, HostPhoto>> {
+        self.photos.as_ref()
+    }
+
     /// Whether it is the folder of a training that learned masks.
     pub fn has_learned_masks(&self) -> bool {
         self.config.transients.mask != TransientSwitch::Off && self.bundle_bytes.is_none()

@@ -4,8 +4,9 @@ use super::{Model, ModelError, scene_check};
 use crate::camera::Camera;
 use crate::config::TrainConfig;
 use crate::dataset::{self, Dataset, HostPhoto};
-use crate::output::cameras::{self, Split};
+use crate::output::cameras::{self, CameraRecord, Split};
 use crate::progress::Progress;
+use crate::similarity::Similarity;
 use std::collections::{HashMap, HashSet};
 use std::error::Error;
 use std::path::Path;
@@ -80,7 +81,11 @@ impl Model {
         };
         let (train, test) = (split(Split::Train), split(Split::Test));
         (dataset.train, dataset.test) = (train, test);
-        if config.poses.change() {
+        // A bundle may have been moved.
+        if self.photos.is_some() {
+            self.move_points(&mut dataset);
+        }
+        if config.poses.change() || self.photos.is_some() {
             self.give_cameras(&mut dataset);
         }
         Ok(dataset)
@@ -122,13 +127,24 @@ impl Model {
         self.members.iter_mut().for_each(|member| member.network = None);
     }
 
-    /// Gives the views of the scene the cameras that the training has refined.
+    /// Gives the views of the scene the cameras of the model: refined by the training, or moved with it.
     fn give_cameras(&self, dataset: &mut Dataset) {
         let listed: HashMap<_, _> = self.cameras.iter().map(|record| (record.name.as_str(), record.camera)).collect();
         for view in &mut dataset.views {
             let size = |camera: &Camera| [camera.width, camera.height];
             let refined = listed.get(view.name.as_str()).filter(|camera| size(camera) == size(&view.camera));
             view.camera = refined.copied().unwrap_or(view.camera);
+        }
+    }
+
+    /// Takes the points of the scene to where the model has its cameras.
+    fn move_points(&self, dataset: &mut Dataset) {
+        let own: HashMap<_, _> = dataset.views.iter().map(|view| (view.name.as_str(), view.camera)).collect();
+        let pair = |record: &CameraRecord| Some((*own.get(record.name.as_str())?, record.camera));
+        let pairs: Vec<_> = self.cameras.iter().filter_map(pair).collect();
+        if pairs.iter().any(|(from, to)| from != to) {
+            let moved = Similarity::fit(&pairs);
+            dataset.points.iter_mut().for_each(|point| point.position = moved.point(point.position));
         }
     }
 
