@@ -11,9 +11,9 @@ use anyhow::{Context, Result, bail};
 use colmap::{Cameras, Colmap, Matching, Origin, Quality, WORK};
 use ibgs_core::dataset::{self, has_extension, picture_extensions};
 use ibgs_core::files::is_same;
-use ibgs_core::first_of;
 use ibgs_core::output::Existing;
 use ibgs_core::progress::Progress;
+use ibgs_core::{counted, first_of};
 use photos::{left_out, photos_below, unread_note};
 pub use record::Request;
 use record::{Contents, Record, Step};
@@ -200,8 +200,9 @@ fn check_inputs(inputs: &[PathBuf], found: &[Vec<PathBuf>], scene: &Path) -> Res
         let unread = inputs.iter().find_map(|input| unread_note(input, &left_out(input).unwrap_or_default()));
         let unread = unread.map_or_else(String::new, |note| format!("; {note}"));
         bail!(
-            "{} has {photos} photos ({}); poses need at least {FEWEST}, good ones 30 or more{unread}",
+            "{} has {} ({}); poses need at least {FEWEST}, good ones 30 or more{unread}",
             first.display(),
+            counted(photos, "photo"),
             known_extensions()
         );
     }

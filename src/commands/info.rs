@@ -8,6 +8,7 @@ use anyhow::{Result, bail};
 use clap::Args as ClapArgs;
 use glam::DVec3;
 use ibgs_core::blocks::PlanFolder;
+use ibgs_core::counted;
 use ibgs_core::dataset::{self, SceneInfo};
 use ibgs_core::gpu::{AdapterChoice, Gpu, GpuError, Use, lacking, list_adapters, tested};
 use ibgs_core::local_space::Length;
@@ -112,7 +113,7 @@ fn gaussians(path: &Path, g: &Gaussians) {
         stdout!("{}: no Gaussians; the file is empty", path.display());
         return;
     }
-    stdout!("{}: {} Gaussians, spherical harmonics of degree {}", path.display(), g.len(), g.sh_degree);
+    stdout!("{}: {}, spherical harmonics of degree {}", path.display(), counted(g.len(), "Gaussian"), g.sh_degree);
     let fold = |(low, high): (DVec3, DVec3), p: DVec3| (low.min(p), high.max(p));
     let (low, high) = g.positions().fold((DVec3::INFINITY, DVec3::NEG_INFINITY), fold);
     for (axis, name) in ["x", "y", "z"].iter().enumerate() {
@@ -125,19 +126,20 @@ fn gaussians(path: &Path, g: &Gaussians) {
 
 fn scene(path: &Path) -> Result<()> {
     let info = dataset::inspect(path)?;
-    stdout!("{}: {} scene, {} photos, {} points", info.path.display(), info.kind, info.images, info.points);
+    let (photos, points) = (counted(info.images, "photo"), counted(info.points, "point"));
+    stdout!("{}: {} scene, {photos}, {points}", info.path.display(), info.kind);
     layout(&info);
     for camera in &info.cameras {
         let pair = |v: Option<glam::DVec2>| v.map_or("unknown".to_owned(), |v| format!("{:.2} {:.2}", v.x, v.y));
         stdout!(
-            "   camera {}: {} {} x {}, focal {}, principal point {}, {} photos{}",
+            "   camera {}: {} {} x {}, focal {}, principal point {}, {}{}",
             camera.id,
             camera.model,
             camera.width,
             camera.height,
             pair(camera.focal),
             pair(camera.principal),
-            camera.images,
+            counted(camera.images, "photo"),
             match (camera.focal, camera.distorted) {
                 (None, _) => ", not supported",
                 (Some(_), true) => ", undistorted on load (blank edges do not count)",
@@ -156,20 +158,23 @@ fn scene(path: &Path) -> Result<()> {
 fn layout(info: &SceneInfo) {
     stdout!("   read from {}", info.listing.display());
     if info.models.len() > 1 {
-        let models: Vec<String> =
-            info.models.iter().map(|model| format!("{} with {} photos", model.folder, model.images)).collect();
+        let models: Vec<String> = info
+            .models
+            .iter()
+            .map(|model| format!("{} with {}", model.folder, counted(model.images, "photo")))
+            .collect();
         stdout!("   {} COLMAP models that do not connect, the first is used: {}", models.len(), models.join(", "));
     }
     let posed = info.images - info.missing.len();
-    stdout!("   {posed} photos with a pose, {} without{}", info.unposed.len(), such_as(&info.unposed));
+    stdout!("   {} with a pose, {} without{}", counted(posed, "photo"), info.unposed.len(), such_as(&info.unposed));
     if !info.missing.is_empty() {
-        stdout!("   {} photos are missing{}", info.missing.len(), such_as(&info.missing));
+        stdout!("   {} not found{}", counted(info.missing.len(), "photo"), such_as(&info.missing));
     }
     if !info.unreadable.is_empty() {
-        stdout!("   {} photos cannot be read{}", info.unreadable.len(), such_as(&info.unreadable));
+        stdout!("   {} not readable{}", counted(info.unreadable.len(), "photo"), such_as(&info.unreadable));
     }
     for size in &info.sizes {
-        stdout!("   {} photos of {} x {}", size.photos, size.width, size.height);
+        stdout!("   {} of {} x {}", counted(size.photos, "photo"), size.width, size.height);
     }
     if info.masks > 0 {
         stdout!("   masks of {} of {posed} photos", info.masks);

@@ -8,6 +8,7 @@ use anyhow::{Context, Result, anyhow, bail};
 use clap::Args as ClapArgs;
 use ibgs_core::blocks::{BlockPlan, Joiner, PlanFolder};
 use ibgs_core::config::TrainConfig;
+use ibgs_core::counted;
 use ibgs_core::files;
 use ibgs_core::gpu::GpuError;
 use ibgs_core::local_space::LocalSpace;
@@ -115,7 +116,8 @@ fn say_merged(model: &Path, iterations: Option<u32>) -> Result<()> {
     };
     if let Some(wanted) = iterations.filter(|&wanted| wanted != trained) {
         bail!(
-            "{path} is a merge with {trained} iterations, not {wanted}; choose another `--output`, or give `--overwrite`"
+            "{path} is a merge with {}, not {wanted}; choose another `--output`, or give `--overwrite`",
+            counted(trained, "iteration")
         );
     }
     match trained {
@@ -152,7 +154,8 @@ fn resumed(plan: &PlanFolder, model: &Path, iterations: Option<u32>) -> Result<S
     if let Some(iterations) = iterations.filter(|&wanted| wanted != own) {
         let path = model.display();
         bail!(
-            "the merge in {path} has {own} iterations, not {iterations}; leave `--iterations` out, or give `--overwrite`"
+            "the merge in {path} has {}, not {iterations}; leave `--iterations` out, or give `--overwrite`",
+            counted(own, "iteration")
         );
     }
     // The scene may have moved.

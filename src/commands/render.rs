@@ -8,6 +8,7 @@ use clap::builder::{PossibleValue, PossibleValuesParser, TypedValueParser};
 use clap::{ArgGroup, Args as ClapArgs, ValueEnum};
 use ibgs_core::camera_path::turntable::Axis;
 use ibgs_core::camera_path::{CameraPath, KeyframePath};
+use ibgs_core::counted;
 use ibgs_core::files::is_same;
 use ibgs_core::model::ModelError;
 use ibgs_core::output::OutputFolder;
@@ -178,7 +179,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
     let default = || model.folder.root().join(name).join(format!("ours_{}", model.iteration));
     let folder = args.output.clone().unwrap_or_else(default);
     let names: Vec<&str> = outputs.iter().map(|output| output.name()).collect();
-    stderr!("rendering {} frames of the {what}: {}", cameras.len(), names.join(", "));
+    stderr!("rendering {} of the {what}: {}", counted(cameras.len(), "frame"), names.join(", "));
     let bar = bar("rendering", cameras.len());
     for (index, camera) in cameras.iter().enumerate() {
         let frame = model.renderer.render(camera)?;
@@ -193,7 +194,7 @@ fn render_path(model: &OpenModel, path: &CameraPath, args: &Args, outputs: &[Out
         bar.inc(1);
     }
     bar.finish_and_clear();
-    stderr!("{} frames in {}", cameras.len(), folder.display());
+    stderr!("{} in {}", counted(cameras.len(), "frame"), folder.display());
     if args.video {
         let folders = match outputs {
             [_] => vec![folder],
@@ -256,6 +257,6 @@ fn render_views(model: &OpenModel, args: &Args, outputs: &[Output]) -> Result<()
         true => "exr".to_owned(),
         false => outputs.iter().map(within).collect::<Vec<_>>().join(", "),
     };
-    stderr!("{} views in {}: {kinds}", records.len(), folders.join(" and "));
+    stderr!("{} in {}: {kinds}", counted(records.len(), "view"), folders.join(" and "));
     Ok(())
 }

@@ -5,6 +5,7 @@ pub mod plot;
 
 use anyhow::{Context, Result};
 use ibgs_core::config::TrainConfig;
+use ibgs_core::counted;
 use ibgs_core::dataset::{HostPhoto, Photo, View};
 use ibgs_core::eval::scores::compared;
 use ibgs_core::files::write_atomically;
@@ -273,7 +274,8 @@ pub fn costs(speed: Option<&Speed>, time: Option<&Time>) -> Vec<(String, String)
         add("Rendered on", Some(speed.device.clone()));
     }
     if let Some(time) = time {
-        let iterations = time.iterations.map_or_else(String::new, |count| format!(" ({count} iterations)"));
+        let iterations =
+            time.iterations.map_or_else(String::new, |count| format!(" ({})", counted(count, "iteration")));
         add("Training", time.seconds.map(|seconds| duration(seconds) + &iterations));
         // In the order of the training.
         let mut stages: Vec<_> = time.stages.iter().collect();

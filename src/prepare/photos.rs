@@ -3,6 +3,7 @@
 use super::upright::{asks_to_turn, upright};
 use super::{is_photo, known_extensions};
 use anyhow::{Context, Result};
+use ibgs_core::counted;
 use ibgs_core::dataset::{has_extension, is_mask};
 use ibgs_core::progress::Progress;
 use std::fs;
@@ -46,9 +47,10 @@ pub(super) fn unread_note(folder: &Path, left_out: &[PathBuf]) -> Option<String>
     let first = of(extensions).next()?.file_name()?.to_string_lossy();
     let count = of(extensions).count();
     Some(format!(
-        "{} has {count} {format} photos, such as {first}, which cannot be read: convert them to JPEG, for example with \
+        "{} has {}, such as {first}, which cannot be read: convert them to JPEG, for example with \
          `{converter}`",
-        folder.display()
+        folder.display(),
+        counted(count, &format!("{format} photo"))
     ))
 }
 
@@ -132,14 +134,14 @@ pub(super) fn copy(from: &Path, photos: &[PathBuf], to: &Path, progress: &dyn Pr
         ));
     }
     if let Some(first) = failed.first() {
-        notes.push(format!("{} photos with an EXIF orientation could not be turned: {first}", failed.len()));
+        notes.push(format!("{} with an EXIF orientation could not be turned: {first}", counted(failed.len(), "photo")));
     }
     let left_out = left_out(from)?;
     if let Some(first) = left_out.first().and_then(|path| path.file_name()) {
         notes.push(format!(
-            "{}: {} files are left out, such as {}; photos are {}",
+            "{}: {} left out, such as {}; photos are {}",
             from.display(),
-            left_out.len(),
+            counted(left_out.len(), "file"),
             first.to_string_lossy(),
             known_extensions()
         ));
@@ -156,7 +158,8 @@ pub(super) fn copy_masks(from: &Path, to: &Path) -> Result<Option<String>> {
         create_folder_of(&target)?;
         link(path, &target)?;
     }
-    Ok((!masks.is_empty()).then(|| format!("{}: {} masks go to {}", from.display(), masks.len(), to.display())))
+    Ok((!masks.is_empty())
+        .then(|| format!("{}: {} brought to {}", from.display(), counted(masks.len(), "mask"), to.display())))
 }
 
 /// Notes on photos that lie in the scene already and stay as they are.

@@ -304,7 +304,7 @@ fn info_shows_the_layout_poses_sizes_and_split_of_a_scene() {
         "   read from sparse/1/images.bin",
         "   2 COLMAP models that do not connect, the first is used: sparse/1 with 8 photos, sparse/0 with 2 photos",
         "   7 photos with a pose, 2 without, for instance images/a0.png",
-        "   1 photos are missing, for instance gone.png",
+        "   1 photo not found, for instance gone.png",
         "   7 photos of 12 x 8",
         "   masks of 2 of 7 photos",
         "   note: 1 of 2 files in masks belong to no photo with a pose and are not used: masks/a5-mask.png",

@@ -158,7 +158,7 @@ fn what_is_missing_is_said_before_anything_is_written() {
     make_program(&sandbox, "silent", &COLMAP.replace("echo \"$@\" >> \"$here/calls\"", ""));
     for (arguments, fragments) in [
         ("nowhere -o new", &["nowhere does not exist"][..]),
-        ("few -o new", &["few has 1 photos", "at least 3"]),
+        ("few -o new", &["few has 1 photo (", "at least 3"]),
         ("empty -o new", &["empty has 0 photos"]),
         ("photos/a.PNG -o new", &["a.PNG is neither a folder of photos nor a video"]),
         ("photos -o scene", &["scene has camera poses already"]),
@@ -208,7 +208,7 @@ fn photos_are_turned_upright_and_masks_are_no_photos() {
     write_models(&sandbox, &["a.jpg"], &names);
     let told = sandbox.succeeds("prepare phone -o scene --colmap ./colmap");
     assert!(told.stderr.contains("3 of 3 photos are turned upright in the scene, as their EXIF orientation"), "{told}");
-    assert!(told.stderr.contains("2 masks go to ") && told.stdout.contains("3 of 3 photos have a pose"), "{told}");
+    assert!(told.stderr.contains("2 masks brought to ") && told.stdout.contains("3 of 3 photos have a pose"), "{told}");
     for name in names {
         let size = |folder: &str| image::image_dimensions(sandbox.path(&format!("{folder}/{name}"))).unwrap();
         assert_eq!((size("scene/images"), size("phone")), ((16, 32), (32, 16)), "{name}");
@@ -246,7 +246,7 @@ fn photos_without_a_pose_and_formats_that_are_left_out_are_named() {
     assert!(outcome.stderr.contains(unreadable), "{outcome}");
     let without = "6 of 9 photos: images/a.PNG, images/c.jpeg, images/f.png, images/g.png, images/h.png, ...";
     assert!(outcome.stderr.contains(without), "{outcome}");
-    assert!(outcome.stderr.contains("3 files are left out, such as notes.txt"), "{outcome}");
+    assert!(outcome.stderr.contains("3 files left out, such as notes.txt"), "{outcome}");
     assert!(outcome.stderr.contains("2 HEIC photos, such as x.HEIC") && outcome.stderr.contains("`heif-convert`"));
     for name in ["phone/a.heic", "phone/b.heic", "phone/c.heic"] {
         sandbox.write(name, "not looked at");

@@ -47,8 +47,8 @@
 //! ```
 
 pub use ibgs_data::{
-    adjust, camera, camera_change, camera_path, dataset, files, first_of, image_io, local_space, matching, median,
-    picture, progress, sentence, sentence_with, similarity, stored_zip, words,
+    adjust, camera, camera_change, camera_path, counted, dataset, files, first_of, image_io, local_space, matching,
+    median, picture, progress, sentence, sentence_with, similarity, stored_zip, words,
 };
 #[cfg(not(target_arch = "wasm32"))]
 pub use ibgs_model::mesh;

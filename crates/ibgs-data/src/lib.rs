@@ -32,4 +32,4 @@ pub mod stored_zip;
 pub mod words;
 
 pub use median::median;
-pub use sentence::{first_of, sentence, sentence_with};
+pub use sentence::{counted, first_of, sentence, sentence_with};

@@ -1,9 +1,16 @@
-//! Errors in one line.
+//! Words of sentences, and errors in one line.
 
 use std::error::Error;
+use std::fmt;
 
 /// Most characters of a sentence: names in a damaged file may be of any length.
 const MOST_CHARACTERS: usize = 2000;
+
+/// A number of things: `1 photo`, `2 photos`.
+pub fn counted<N: fmt::Display + PartialEq + From<u8>>(count: N, thing: &str) -> String {
+    let ending = if count == N::from(1) { "" } else { "s" };
+    format!("{count} {thing}{ending}")
+}
 
 /// The first of some names: `a, b, ...`.
 pub fn first_of(names: &[impl AsRef<str>], most: usize) -> String {
@@ -42,6 +49,14 @@ pub fn sentence_with(error: &(dyn Error + 'static), words: &dyn Fn(&(dyn Error +
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn one_thing_has_no_plural() {
+        assert_eq!(
+            [0_u32, 1, 2].map(|count| counted(count, "test view")),
+            ["0 test views", "1 test view", "2 test views"]
+        );
+    }
 
     #[derive(Debug, thiserror::Error)]
     #[error("{text}")]

@@ -8,7 +8,7 @@ mod host;
 
 use crate::dataset::{assert_note, load, load_plain, transforms};
 use glam::DVec2;
-use ibgs_data::dataset::{self, Alpha, LoadOptions, Masks, Photo, PrincipalPoint, Resolution, View};
+use ibgs_data::dataset::{self, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resolution, View};
 use ibgs_testing::scene_files::{Camera, Model, PINHOLE, write_file, write_photo};
 
 /// A smooth pattern over the normalised view coordinates, steep enough to show a shift of half a pixel.
@@ -199,6 +199,18 @@ fn reduced_and_named_folders() {
     assert_eq!(named.views[0].photo.size(), [3, 2]);
     let full = load(folder.path(), &LoadOptions { images: Some("images".into()), ..half });
     assert_eq!((full.views[0].photo.pixels().unwrap().width, full.views[0].photo.pixels().unwrap().rgba[0]), (6, 90));
+}
+
+#[test]
+fn a_width_that_photos_do_not_have_is_said() {
+    let folder = Model::small(2).scene();
+    write_photo(&folder.path().join("images/a1.png"), 24, 16, |_, _| [60, 60, 60, 255]);
+    let at = |width| load(folder.path(), &LoadOptions { resolution: Resolution::Width(width), ..Default::default() });
+    let [fits, missed] = [12, 24].map(at);
+    let widths = |dataset: &Dataset| [0, 1].map(|view: usize| dataset.views[view].camera.width);
+    assert_eq!((widths(&fits), widths(&missed)), ([12, 12], [12, 24]));
+    assert_note(&missed, "1 photo narrower than the 24 pixels asked for");
+    assert!(!fits.notes.iter().any(|note| note.contains("narrower")), "{:?}", fits.notes);
 }
 
 #[test]

@@ -21,6 +21,7 @@ pub mod video;
 
 // What the modules here build on, by its short name.
 use ibgs_data::{
-    camera, camera_change, cholesky, dataset, files, image_io, local_space, picture, progress, similarity, stored_zip,
+    camera, camera_change, cholesky, counted, dataset, files, image_io, local_space, picture, progress, similarity,
+    stored_zip,
 };
 use ibgs_render::{exposure, gpu, levels, raster, render, residual, scene, sources};

@@ -3,6 +3,7 @@
 use crate::mode::{Mode, Style};
 use anyhow::{Result, bail};
 use ibgs_core::camera::Camera;
+use ibgs_core::counted;
 use ibgs_core::gpu::Gpu;
 use ibgs_core::image_io::write_png;
 use ibgs_core::present::Presenter;
@@ -142,7 +143,7 @@ impl Shoot {
             FilmTarget::Frames(folder) => folder,
             FilmTarget::Still(path) => return Ok(Some(format!("still: {}", path.display()))),
         };
-        let frames = format!("{} frames in {}", self.count(), folder.display());
+        let frames = format!("{} in {}", counted(self.count(), "frame"), folder.display());
         Ok(Some(match video::encode(folder, self.count(), self.film.fps, self.film.quality.rate_factor()) {
             Ok(path) => format!("{frames}; video: {}", path.display()),
             Err(error) => format!("{frames}; {error}"),

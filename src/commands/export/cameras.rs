@@ -2,6 +2,7 @@
 
 use super::{Args, refuse_taken};
 use anyhow::Result;
+use ibgs_core::counted;
 use ibgs_core::dataset::colmap_text;
 use ibgs_core::files::write_atomically;
 use std::path::Path;
@@ -14,5 +15,5 @@ pub fn write(args: &Args, folder: &Path) -> Result<String> {
     for (name, text) in colmap_text(photos, &[]) {
         write_atomically(&folder.join(name), |out| out.write_all(text.as_bytes()))?;
     }
-    Ok(format!("{} written, cameras of {} photos", folder.display(), model.cameras.len()))
+    Ok(format!("{} written, cameras of {}", folder.display(), counted(model.cameras.len(), "photo")))
 }

@@ -1,7 +1,7 @@
 //! Sentences about a scene's photos that its loading and its description share.
 
 use super::info::some_of;
-use super::photos::photos;
+use crate::counted;
 use std::path::PathBuf;
 
 /// On photos that are listed and do not exist; `found` others do.
@@ -15,7 +15,7 @@ pub(crate) fn missing(missing: &[PathBuf], found: usize) -> Option<String> {
 /// On photos that no camera is known for.
 pub(crate) fn unposed(unposed: &[String]) -> Option<String> {
     let verbs = if unposed.len() == 1 { "has no pose and is" } else { "have no pose and are" };
-    let note = || format!("{} {verbs} not used: {}", photos(unposed.len()), some_of(unposed));
+    let note = || format!("{} {verbs} not used: {}", counted(unposed.len(), "photo"), some_of(unposed));
     (!unposed.is_empty()).then(note)
 }
 
@@ -26,7 +26,7 @@ pub(crate) fn turned(names: &[String]) -> Option<String> {
         format!(
             "{} {has} an EXIF orientation that asks for turned pixels: {}; the pixels are used as the files store them, \
              since the poses belong to those; where the poses were estimated from turned photos, save the photos turned",
-            photos(names.len()),
+            counted(names.len(), "photo"),
             some_of(names)
         )
     };

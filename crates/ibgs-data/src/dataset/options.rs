@@ -257,6 +257,14 @@ impl LoadOptions {
         }
     }
 
+    /// The width that is asked for, where photos of this width are narrower and keep their size.
+    pub(crate) fn missed_width(&self, width: u32) -> Option<u32> {
+        match self.resolution {
+            Resolution::Width(target) if target > width => Some(target),
+            _ => None,
+        }
+    }
+
     /// Size of a photo after `resolution` and `max_resolution`. `prescaled` photos come from a folder such as
     /// `images_4` and have been divided already.
     pub(crate) fn target_size(&self, width: u32, height: u32, prescaled: bool) -> (u32, u32) {

@@ -13,6 +13,7 @@ use super::notes as notes_on;
 use super::undistort::undistort;
 use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
 use crate::camera::Camera;
+use crate::counted;
 use crate::progress::Progress;
 use glam::DVec2;
 use image::imageops::{self, FilterType};
@@ -149,6 +150,8 @@ struct Loaded {
     /// Size of the file and of the camera, where they differ.
     rescaled: Option<([u32; 2], [u32; 2])>,
     prescaled: bool,
+    /// The width that was asked for, where the photo is narrower.
+    missed_width: Option<u32>,
     masked: bool,
     /// The photo of an object leaves pixels out.
     has_outside: bool,
@@ -200,9 +203,12 @@ fn load_one(frame: &ListedPhoto, options: &LoadOptions) -> Result<(Loaded, Photo
     let has_outside = options.shows_object() && image.pixels().any(|pixel| (1..u8::MAX).contains(&pixel.0[3]));
     let photo = Photo { width, height, rgba: image.into_raw() };
     let (prescaled, masked) = (frame.prescaled, frame.mask.is_some());
+    let missed_width = options.missed_width(lens.width);
     let fisheye = lens.is_fisheye().then(|| lens.field_of_view());
     let name = frame.name.clone();
-    Ok((Loaded { name, camera, is_turned, rescaled, prescaled, masked, has_outside, fisheye, blank }, photo))
+    let loaded =
+        Loaded { name, camera, is_turned, rescaled, prescaled, missed_width, masked, has_outside, fisheye, blank };
+    Ok((loaded, photo))
 }
 
 /// The camera of a photo once it is loaded, by its size alone.
@@ -298,9 +304,8 @@ fn object_note(loaded: &[Loaded], options: &LoadOptions) -> Option<String> {
     })
 }
 
-/// `1 photo`, `2 photos`.
-pub(crate) fn photos(count: usize) -> String {
-    format!("{count} photo{}", if count == 1 { "" } else { "s" })
+fn photos(count: usize) -> String {
+    counted(count, "photo")
 }
 
 fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
@@ -324,6 +329,11 @@ fn add_notes(loaded: &[Loaded], notes: &mut Vec<String>) {
              cropped or turned",
             photos(1 + odd.count())
         ));
+    }
+    let missed = || loaded.iter().filter_map(|one| one.missed_width);
+    if let Some(wanted) = missed().next() {
+        let count = photos(missed().count());
+        notes.push(format!("{count} narrower than the {wanted} pixels asked for: photos are never enlarged"));
     }
     let turned: Vec<String> = loaded.iter().filter(|one| one.is_turned).map(|one| one.name.clone()).collect();
     notes.extend(notes_on::turned(&turned));

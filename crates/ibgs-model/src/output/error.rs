@@ -1,6 +1,7 @@
 //! Why an output folder cannot be used.
 
 use crate::config::ConfigError;
+use crate::counted;
 use crate::files::WriteError;
 use crate::scene::SceneError;
 use std::io;
@@ -12,7 +13,7 @@ use thiserror::Error;
 #[non_exhaustive]
 pub enum OutputError {
     /// A model is there already.
-    #[error("{} already holds a model trained for {iteration} iterations", path.display())]
+    #[error("{} already holds a model trained for {}", path.display(), counted(*iteration, "iteration"))]
     HoldsModel {
         /// The folder.
         path: PathBuf,

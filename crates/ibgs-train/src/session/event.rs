@@ -5,6 +5,7 @@ use crate::ExposureEvidence;
 use crate::checkpoint::CheckpointError;
 use crate::memory::MemoryLimit;
 use ibgs_core::config::LengthReason;
+use ibgs_core::counted;
 use ibgs_core::eval::scores::Scores;
 use ibgs_core::progress::Progress;
 use std::error::Error;
@@ -199,15 +200,15 @@ impl fmt::Display for Summary {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         write!(
             f,
-            "trained {} iterations in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians\nstages: {}",
-            self.iteration,
+            "trained {} in {:.1} s (start-up, evaluation and saving {:.1} s more); {} Gaussians\nstages: {}",
+            counted(self.iteration, "iteration"),
             self.training.as_secs_f64(),
             self.beside.as_secs_f64(),
             self.gaussians,
             self.stages
         )?;
         if let Some(reason) = self.length {
-            write!(f, "\nlength: {} iterations, {reason}", self.iteration)?;
+            write!(f, "\nlength: {}, {reason}", counted(self.iteration, "iteration"))?;
         }
         if self.exposure != ExposureSummary::Off {
             write!(f, "\n{}", self.exposure)?;
@@ -263,9 +264,9 @@ impl Event<'_> {
             Self::Evaluated { iteration, gaussians, scores, iteration_time } => {
                 write!(
                     f,
-                    "iteration {iteration}: test {} over {} views; {gaussians} Gaussians, {:.2} ms an iteration so far",
+                    "iteration {iteration}: test {} over {}; {gaussians} Gaussians, {:.2} ms an iteration so far",
                     scores.sentence(),
-                    scores.base.len(),
+                    counted(scores.base.len(), "view"),
                     1e3 * iteration_time.as_secs_f64()
                 )?;
                 let more = [scores.regions_sentence(), scores.masked_sentence(), scores.fitted_sentence()];

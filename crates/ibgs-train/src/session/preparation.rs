@@ -1,6 +1,7 @@
 //! What is known right before the first iteration.
 
 use crate::memory::Need;
+use ibgs_core::counted;
 use ibgs_core::gpu::Bytes;
 use std::fmt;
 use std::path::PathBuf;
@@ -31,12 +32,12 @@ pub struct Preparation {
 impl fmt::Display for Preparation {
     fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
         let Self { training_views, test_views, points, shown, init, iterations, folder, at_start, at_most } = self;
-        write!(f, "{training_views} training views, {test_views} test views, ")?;
+        write!(f, "{}, {}, ", counted(*training_views, "training view"), counted(*test_views, "test view"))?;
         match init {
             Some(init) => write!(f, "{} Gaussians of {} to begin with, ", at_start.gaussians, init.display())?,
-            None => write!(f, "{points} initial points ({shown} within the training views), ")?,
+            None => write!(f, "{} ({shown} within the training views), ", counted(*points, "initial point"))?,
         }
-        write!(f, "{iterations} iterations; ")?;
+        write!(f, "{}; ", counted(*iterations, "iteration"))?;
         match folder {
             Some(folder) => write!(f, "writing to {}", folder.display())?,
             None => f.write_str("writing nothing")?,

@@ -9,6 +9,7 @@ use crate::viewer::Viewer;
 use crate::worker::Command;
 use eframe::egui::{self, ComboBox, DragValue, Grid, TextEdit, Ui};
 use ibgs_core::camera_path::{CameraPathError, KeyframePath};
+use ibgs_core::counted;
 use std::path::PathBuf;
 
 /// The panel at the right.
@@ -92,7 +93,7 @@ fn file(editor: &mut PathEditor, ui: &mut Ui) -> Option<Result<String, CameraPat
         let loaded = KeyframePath::load(&file);
         result = Some(loaded.map(|path| {
             editor.load(path);
-            format!("{} keyframes from {}", editor.keyframes(), file.display())
+            format!("{} from {}", counted(editor.keyframes(), "keyframe"), file.display())
         }));
     }
     result

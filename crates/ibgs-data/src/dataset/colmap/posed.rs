@@ -2,11 +2,11 @@
 
 use super::models::ModelFiles;
 use super::{CameraRecord, ImageRecord};
+use crate::counted;
 use crate::dataset::error::DatasetError;
 use crate::dataset::info::some_of;
 use crate::dataset::lens::{Lens, Pose};
 use crate::dataset::names::Photo;
-use crate::dataset::photos::photos;
 use std::collections::BTreeMap;
 use std::path::PathBuf;
 
@@ -71,7 +71,7 @@ impl Unsolved {
         let note = || {
             let listing = files.path("images");
             let listing = listing.file_name().unwrap_or_default().to_string_lossy();
-            let (count, names) = (photos(self.count()), some_of(&self.names));
+            let (count, names) = (counted(self.count(), "photo"), some_of(&self.names));
             format!("{count} of {listing} {has} a pose or camera that is not a number and {are} left out: {names}")
         };
         (self.count() > 0).then(note)

@@ -4,6 +4,7 @@ use crate::TrainError;
 use crate::checkpoint::CheckpointError;
 use crate::memory::DoesNotFit;
 use ibgs_core::config::{ConfigError, OptionDifference};
+use ibgs_core::counted;
 use ibgs_core::dataset::DatasetError;
 use ibgs_core::files::WriteError;
 use ibgs_core::gpu::GpuError;
@@ -90,8 +91,8 @@ pub enum BuildError {
     },
     /// The training in the folder has come to its end.
     #[error(
-        "the training in {} has ended, its model has {iteration} iterations; there is nothing to resume",
-        path.display()
+        "the training in {} has ended, its model has {}; there is nothing to resume",
+        path.display(), counted(*iteration, "iteration")
     )]
     Ended {
         /// The folder.
