@@ -37,7 +37,7 @@ fn folders_that_are_no_scene() {
 
 #[test]
 fn scenes_with_damage() {
-    changed(1, |_| {}).fails("train scene -m out", &["scene", "has 1 views, at least 2"]);
+    changed(1, |_| {}).fails("train scene -m out", &["scene", "has 1 view, at least 2"]);
     // One photo without a pose is left out, all of them are none.
     let sandbox = changed(3, |m| m.images.iter_mut().for_each(|image| image.q[2] = f64::NAN));
     sandbox.fails("train scene -m out", &["images.bin", "image `a0.png`", "not finite"]);

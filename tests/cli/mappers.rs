@@ -153,7 +153,7 @@ fn of_two_mappers_the_one_with_more_poses_stays() {
     Model::small(1).write_binary_to(&sandbox.path("models/0"));
     let outcome = sandbox.succeeds("prepare photos -o fewer --colmap ./colmap4");
     posed(&outcome, 79);
-    let said = "the incremental mapper gives 1 photos a pose, so the global one's poses stay";
+    let said = "the incremental mapper gives 1 photo a pose, so the global one's poses stay";
     assert!(outcome.stderr.contains(said), "{outcome}");
     sandbox.write("broken", "");
     posed(&sandbox.succeeds("prepare photos -o none --colmap ./colmap4"), 79);

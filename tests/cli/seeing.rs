@@ -101,7 +101,7 @@ fn a_wholly_masked_view_enters_no_mean() {
     assert_eq!(scored.as_object().unwrap().keys().collect::<Vec<_>>(), ["images/view_008.png"]);
     assert!(sandbox.text("model/report.html").contains("masked as a whole"));
     let trained = sandbox.succeeds("train scene --method 3dgs --iterations 2 --eval -m out");
-    assert!(trained.stderr.contains("over 1 views") && trained.stderr.contains("masked as a whole"), "{trained}");
+    assert!(trained.stderr.contains("over 1 view;") && trained.stderr.contains("masked as a whole"), "{trained}");
 
     // Without any view that counts there is no mean.
     image::GrayImage::new(TINY[0], TINY[1]).save(sandbox.path("scene/masks/view_008.png")).unwrap();

@@ -35,11 +35,11 @@ fn folders_that_are_no_scene() {
 #[test]
 fn records_that_make_no_sense() {
     changed_fails(|m| m.images.clear(), &["images.", "lists no images"]);
-    changed_fails(|m| m.images.truncate(1), &["has 1 views, at least 2"]);
+    changed_fails(|m| m.images.truncate(1), &["has 1 view, at least 2"]);
     changed_fails(|m| m.images[1].q = [0.0; 4], &["image `a1.png`", "quaternion has norm 0"]);
     // One photo without a finite pose is left out, and so are all.
     changed_fails(|m| m.images.iter_mut().for_each(|image| image.q[2] = f64::NAN), &["image `a0.png`", "not finite"]);
-    changed_fails(|m| m.images.iter_mut().skip(1).for_each(|image| image.t[0] = f64::INFINITY), &["has 1 views"]);
+    changed_fails(|m| m.images.iter_mut().skip(1).for_each(|image| image.t[0] = f64::INFINITY), &["has 1 view,"]);
     changed_fails(|m| m.images[2].camera = 9, &["image `a2.png`", "camera 9 is not in"]);
     changed_fails(|m| m.images[1].name = "a0.png".into(), &["`a0.png` is listed twice"]);
     for name in

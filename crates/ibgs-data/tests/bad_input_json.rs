@@ -18,7 +18,7 @@ fn splits_that_do_not_fit() {
     split(absent, &["split.json, train[1]", "no image `x.png`"]);
     let twice = r#"{"train": ["a0.png", "a1.png"], "test": ["a1.png"]}"#;
     split(twice, &["split.json, test[0]", "`a1.png` is listed twice"]);
-    split(r#"{"train": ["a0.png"]}"#, &["1 training views"]);
+    split(r#"{"train": ["a0.png"]}"#, &["1 training view,"]);
     fs::remove_file(folder.path().join("split.json")).unwrap();
     let every = |eval_split_every| LoadOptions { eval: true, eval_split_every, ..Default::default() };
     fails_with(folder.path(), &every(0), &["`data.eval-split-every`"]);
@@ -75,7 +75,7 @@ fn transforms_that_make_no_sense() {
     broken(r#""fl_x": 8"#, r#""is_fisheye": 1, "fl_x": 8"#, &["transforms.json", "integer `1`"]);
     broken("images/0.png", "../0.png", &["../0.png", "`..`"]);
     broken("images/0.png", "images/1.png", &["`images/1.png` is listed twice"]);
-    broken("images/0.png", "images/2.png", &["1 views"]);
+    broken("images/0.png", "images/2.png", &["1 view,"]);
     broken("file_path", "file_paths", &["transforms.json", "file_path"]);
     let leaving = r#""ply_file_path": "/x.ply", "fl_x": 8"#;
     broken(r#""fl_x": 8"#, leaving, &["ply_file_path", "/x.ply"]);

@@ -7,6 +7,7 @@ use crate::prepare::tool::Tool;
 use crate::signals::Stopped;
 use anyhow::{Context, Result, bail};
 use clap::ValueEnum;
+use ibgs_core::counted;
 use ibgs_core::progress::Progress;
 use serde::{Deserialize, Serialize};
 use std::fs;
@@ -149,7 +150,10 @@ impl Colmap {
         }
         let after = self.posed()?;
         if before > after {
-            note(format!("the incremental mapper gives {after} photos a pose, so the global one's poses stay"));
+            note(format!(
+                "the incremental mapper gives {} a pose, so the global one's poses stay",
+                counted(after, "photo")
+            ));
             remove(&sparse)?;
             rename(&kept, &sparse)?;
         }

@@ -1,5 +1,6 @@
 //! What can be wrong with a scene on disk. Each message says what, where and what to do, in one sentence.
 
+use crate::counted;
 pub(crate) use crate::files::without_mark;
 use serde::de::DeserializeOwned;
 use std::path::{Path, PathBuf};
@@ -261,13 +262,13 @@ pub enum DatasetError {
         converter: &'static str,
     },
     /// Too few photos to train from.
-    #[error("{} has {count} {what}, at least 2 are needed; add photos or change the split", path.display())]
+    #[error("{} has {}, at least 2 are needed; add photos or change the split", path.display(), counted(*count, what))]
     TooFewViews {
         /// The scene.
         path: PathBuf,
         /// Number found.
         count: usize,
-        /// `views` or `training views`.
+        /// `view` or `training view`.
         what: &'static str,
     },
     /// A PLY file that does not hold points.

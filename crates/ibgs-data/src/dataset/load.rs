@@ -153,7 +153,7 @@ fn check_photos(path: &Path, scene: &Scene) -> Result<(), DatasetError> {
             count: scene.missing.len(),
             first: first.clone(),
         }),
-        (1, _) => Err(DatasetError::TooFewViews { path: path.to_owned(), count: 1, what: "views" }),
+        (1, _) => Err(DatasetError::TooFewViews { path: path.to_owned(), count: 1, what: "view" }),
         _ => Ok(()),
     }
 }

@@ -4,6 +4,7 @@ use super::error::{DatasetError, read_json};
 use super::names::spelling;
 use super::photos::ListedPhoto;
 use super::{Dataset, LoadOptions};
+use crate::counted;
 use serde::Deserialize;
 use std::collections::{BTreeMap, BTreeSet};
 use std::path::Path;
@@ -48,7 +49,7 @@ pub(crate) fn split(
     dataset.notes.extend(note);
     (dataset.train, dataset.test) = (train, test);
     match dataset.train.len() {
-        count @ (0 | 1) => Err(DatasetError::TooFewViews { path: dataset.path.clone(), count, what: "training views" }),
+        count @ (0 | 1) => Err(DatasetError::TooFewViews { path: dataset.path.clone(), count, what: "training view" }),
         _ => Ok(()),
     }
 }
@@ -75,7 +76,8 @@ pub(crate) fn divided(
     let (test, train): (Vec<usize>, Vec<usize>) =
         used.into_iter().partition(|&index| stated.test.contains(&names[index]));
     let unused = unused.len();
-    let note = (unused > 0).then(|| format!("{}: {unused} photos neither train nor are held out", stated.by));
+    let note =
+        (unused > 0).then(|| format!("{}: {} neither for training nor held out", stated.by, counted(unused, "photo")));
     Ok(Divided { train, test, by: stated.by.to_owned(), note })
 }
 

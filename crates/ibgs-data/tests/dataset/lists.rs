@@ -34,7 +34,7 @@ fn lists_are_the_split() {
     let all = r#""train_filenames": ["images/0.png", "./images/1.png", "images\\2.png", "images/5.png"],"#;
     let (dataset, by) = split(&format!(r#"{all} "test_filenames": ["images/3.png"],"#), &[0, 1, 2], &[3]);
     assert_eq!(by, "test_filenames");
-    assert_note(&dataset, "test_filenames: 1 photos neither train nor are held out");
+    assert_note(&dataset, "test_filenames: 1 photo neither for training nor held out");
     split(&format!(r#"{all} "val_filenames": ["images/3.png"], "test_filenames": [],"#), &[0, 1, 2], &[3]);
     split(all, &[0, 1, 2], &[3, 4]);
     let test = r#""test_filenames": ["images/0.png", "images/5.png"],"#;
@@ -66,5 +66,5 @@ fn lists_that_contradict() {
     refused(r#""train_filenames": "images/0.png","#, &["line 1", "sequence"]);
     refused(r#""train_filenames": [7],"#, &["line 1", "integer `7`"]);
     write(folder.path(), r#""train_filenames": ["images/0.png"],"#);
-    fails_with(folder.path(), &eval, &["1 training views"]);
+    fails_with(folder.path(), &eval, &["1 training view,"]);
 }

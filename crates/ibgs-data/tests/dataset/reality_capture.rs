@@ -73,7 +73,7 @@ fn photos_that_are_not_there_or_not_listed() {
     assert_note(&dataset, "1 photo has no pose and is not used: images/extra.png");
     // One name for two photos in sub-folders: neither is taken.
     write_photo(&scene.join("images/other/b.png"), 20, 40, |_, _| [1; 4]);
-    fails(scene, &["has 1 views, at least 2"]);
+    fails(scene, &["has 1 view, at least 2"]);
     // Beside the list, without a photo folder.
     fs::rename(scene.join("images/a.jpg"), scene.join("a.jpg")).unwrap();
     fs::rename(scene.join("images/other/b.png"), scene.join("b.png")).unwrap();
