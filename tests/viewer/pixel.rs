@@ -1,6 +1,7 @@
 //! The pixel that was clicked.
 
 use super::*;
+use egui_kittest::kittest::Queryable;
 
 #[test]
 fn a_click_tells_why_a_pixel_looks_as_it_does() {
@@ -29,6 +30,31 @@ fn a_click_tells_why_a_pixel_looks_as_it_does() {
     until(&mut window, "inspected again", |viewer| viewer.inspection().is_some_and(|other| other.pixel != found.pixel));
     press(&mut window, Key::Escape);
     assert!(window.state().inspection().is_none());
+}
+
+#[test]
+fn a_click_that_closes_a_menu_explains_no_pixel() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    window.get_by_label_contains("Camera").click();
+    settle(&mut window);
+    window.get_by_label("Reset");
+    click(&mut window, CANVAS);
+    settle(&mut window);
+    assert!(window.query_by_label("Reset").is_none() && window.state().inspection().is_none());
+    click(&mut window, CANVAS);
+    until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
+}
+
+/// Frames of a software adapter come seconds apart.
+#[test]
+fn a_slow_click_is_a_click() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    button(&mut window, CANVAS, PointerButton::Primary, true);
+    window.run_steps(180);
+    button(&mut window, CANVAS, PointerButton::Primary, false);
+    until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
 }
 
 #[test]

@@ -7,7 +7,7 @@ use crate::OpenRequest;
 use crate::keys;
 use crate::panels;
 use crate::viewer::Viewer;
-use eframe::egui::{self, Ui};
+use eframe::egui::{self, Popup, Ui};
 
 impl Viewer {
     fn dropped(&mut self, ctx: &egui::Context) {
@@ -30,6 +30,7 @@ impl eframe::App for Viewer {
     }
 
     fn ui(&mut self, ui: &mut Ui, frame: &mut eframe::Frame) {
+        self.panels.had_menu = Popup::is_any_open(ui.ctx());
         self.listen(ui.ctx());
         self.dropped(ui.ctx());
         panels::chosen(self);

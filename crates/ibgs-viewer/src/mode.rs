@@ -242,9 +242,9 @@ impl Mode {
         self.row().has_range
     }
 
-    /// Whether it shows the Gaussians in their own colours.
+    /// Whether it shows the Gaussians in their own colours. In the final image the residual takes a tint away again.
     pub fn has_colors(self) -> bool {
-        matches!(self, Mode::Final | Mode::Base | Mode::Points | Mode::Ellipsoids)
+        matches!(self, Mode::Base | Mode::Points | Mode::Ellipsoids)
     }
 
     /// The look of the Gaussians that it shows; none: their own.

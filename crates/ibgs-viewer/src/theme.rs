@@ -1,4 +1,4 @@
-//! Sizes and colours of text: large enough to be read, and with enough contrast on every ground.
+//! How the window looks and is clicked: text large enough to be read, with enough contrast on every ground.
 
 use eframe::egui::{Color32, Context, FontFamily, FontId, Style, TextStyle, Theme, Visuals};
 
@@ -16,11 +16,13 @@ const LIGHT: [u8; 2] = [50, 90];
 /// Factor of a bright colour where it is text on a light ground.
 const DEEPER: f32 = 0.42;
 
-/// Gives a window its text.
+/// Gives a window its text and its clicks.
 pub fn apply(ctx: &Context) {
     for theme in [Theme::Dark, Theme::Light] {
         ctx.style_mut_of(theme, |style| write(style, theme));
     }
+    // Where the frames of a slow driver come seconds apart, a button is pressed and released in two of them.
+    ctx.options_mut(|options| options.input_options.max_click_duration = f64::INFINITY);
 }
 
 fn write(style: &mut Style, theme: Theme) {

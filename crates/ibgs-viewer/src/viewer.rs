@@ -59,6 +59,8 @@ pub(crate) struct Panels {
     pub only_frame: bool,
     /// The camera path's panel and its timeline.
     pub shows_path: bool,
+    /// A menu was open when the frame began.
+    pub had_menu: bool,
     /// Where the picture is, once there is one.
     pub picture: Option<Rect>,
     /// Keys and pointer explained.

@@ -67,7 +67,9 @@ impl Viewer {
         let room = ui.available_rect_before_wrap().round_to_pixels(scale);
         let fitted = |ratio| fitted(room, ratio, scale);
         self.panels.picture = Some(room);
-        let response = ui.allocate_rect(room, Sense::click_and_drag());
+        // The click that closes a menu does nothing else.
+        let sense = if self.panels.had_menu { Sense::hover() } else { Sense::click_and_drag() };
+        let response = ui.allocate_rect(room, sense);
         let response = response.on_hover_cursor(egui::CursorIcon::Crosshair);
         let pixels = room.size() * scale;
         self.room = [pixels.x, pixels.y].map(|length| (length.round() as u32).clamp(SIDES[0], SIDES[1]));
