@@ -117,6 +117,24 @@ fn the_settings_fit_into_a_small_window() {
     settings_picture("settings in a small window", Theme::Light, Vec2::new(620.0, 420.0));
 }
 
+/// Escape closes them, and what else covers the picture, before it does anything else.
+#[test]
+fn escape_closes_the_settings_first() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    click(&mut window, CANVAS);
+    until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
+    window.state_mut().show_settings(true);
+    press(&mut window, Key::F1);
+    window.get_by_label("Always sharp");
+    window.get_by_label("left drag");
+    press(&mut window, Key::Escape);
+    assert!(window.query_by_label("Always sharp").is_none() && window.query_by_label("left drag").is_none());
+    assert!(window.state().inspection().is_some());
+    press(&mut window, Key::Escape);
+    assert!(window.state().inspection().is_none());
+}
+
 #[test]
 fn ctrl_o_opens_and_without_a_file_dialog_the_path_is_typed() {
     let folder = tempfile::tempdir().unwrap();

@@ -105,7 +105,7 @@ static TABLE: [Row; 27] = [
         ..row(Scope::Editor, NONE, Key::Enter, "ends the polygon", |viewer, _| viewer.edit.ends_polygon = true)
     },
     Row {
-        when: |viewer| viewer.edit.escapes(viewer.found.is_some() || viewer.other.is_some()),
+        when: |viewer| !covers_picture(viewer) && viewer.edit.escapes(viewer.found.is_some() || viewer.other.is_some()),
         ..row(
             Scope::Editor,
             NONE,
@@ -117,15 +117,30 @@ static TABLE: [Row; 27] = [
         )
     },
     Row {
-        when: |viewer| viewer.found.is_some() || viewer.other.is_some(),
-        ..row(Scope::Picture, NONE, Key::Escape, "closes the pixel and the split", |viewer, _| {
-            (viewer.found, viewer.other) = (None, None);
-        })
+        when: |viewer| covers_picture(viewer) || viewer.found.is_some() || viewer.other.is_some(),
+        ..row(
+            Scope::Picture,
+            NONE,
+            Key::Escape,
+            "closes what covers the picture, then the pixel and the split",
+            |viewer, _| match covers_picture(viewer) {
+                true => {
+                    (viewer.panels.shows_help, viewer.panels.shows_settings) = (false, false);
+                    viewer.share.shown = false;
+                }
+                false => (viewer.found, viewer.other) = (None, None),
+            },
+        )
     },
     row(Scope::Picture, NONE, Key::F1, "shows keys and pointer", |viewer, _| {
         viewer.panels.shows_help = !viewer.panels.shows_help;
     }),
 ];
+
+/// Whether settings, keys or what is shared stand over the picture.
+fn covers_picture(viewer: &Viewer) -> bool {
+    viewer.panels.shows_help || viewer.panels.shows_settings || viewer.share.shown
+}
 
 /// Keys that fly, with their direction: right, down, forward.
 const FLY: [(Key, DVec3); 6] = [

@@ -12,6 +12,8 @@ use eframe::egui::{
 /// Size of a keyframe's picture in points, and of the line below it.
 const PICTURE: Vec2 = Vec2::new(96.0, 54.0);
 const LINE: f32 = 18.0;
+/// Share of the width that the slider along the path has, at least 100 points.
+const SLIDER: f32 = 0.4;
 /// Width of the time between two pictures.
 const WAY: f32 = 48.0;
 
@@ -38,6 +40,7 @@ fn controls(editor: &mut PathEditor, navigator: &Navigator, ui: &mut Ui) {
     let (seconds, any) = (editor.path.seconds, editor.keyframes() > 0);
     // The path may have become shorter.
     editor.at = editor.at.min(seconds);
+    ui.spacing_mut().slider_width = (SLIDER * ui.available_width()).max(100.0);
     // It may stand between two of its own steps.
     let slider = Slider::new(&mut editor.at, 0.0..=seconds).clamping(SliderClamping::Edits);
     if ui.add_enabled(any, slider.suffix(" s").fixed_decimals(2)).on_hover_text("Move along the path").changed() {

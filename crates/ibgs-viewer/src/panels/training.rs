@@ -23,13 +23,16 @@ pub fn training(viewer: &mut Viewer, ui: &mut Ui) {
     ui.horizontal_wrapped(|ui| state(trained, ui));
     let model = viewer.scene.as_ref().and_then(|scene| scene.path.as_deref());
     let opens = trained.end.is_some_and(|end| ended(end, model, progress, ui));
-    match (progress.loss, progress.psnr) {
-        (Some(loss), Some(psnr)) => ui
-            .label(format!("loss {loss:.4}   PSNR {psnr:.2} dB"))
-            .on_hover_text("Means of the last iterations, on training photos"),
-        _ => ui.weak("loss and PSNR come after some iterations"),
-    };
-    curves(&trained.curves, ui);
+    if let (Some(loss), Some(psnr)) = (progress.loss, progress.psnr) {
+        ui.label(format!("loss {loss:.4}   PSNR {psnr:.2} dB"))
+            .on_hover_text("Means of the last iterations, on training photos");
+    } else if trained.end.is_none() {
+        ui.weak("loss and PSNR come after some iterations");
+    }
+    // A training may end before them.
+    if trained.end.is_none() || !trained.curves.psnr.is_empty() {
+        curves(&trained.curves, ui);
+    }
     if !progress.evaluations.is_empty() {
         ui.label("Held-out views").on_hover_text("Measured on photos that the training never saw");
         table(ui, "evaluations", 4, |ui| evaluations(progress, ui));
