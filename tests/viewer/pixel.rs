@@ -46,6 +46,24 @@ fn a_click_that_closes_a_menu_explains_no_pixel() {
     until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
 }
 
+/// What a pixel's table needs, the editor beside the picture does not keep.
+#[test]
+fn the_panel_is_as_wide_as_before_once_the_pixel_is_closed() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(untrained(folder.path()));
+    window.set_size(Vec2::new(1100.0, 640.0));
+    window.state_mut().show_editor(true);
+    settle(&mut window);
+    let before = window.state().image_size().unwrap();
+    click(&mut window, CANVAS);
+    until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
+    window.run_steps(30);
+    settle(&mut window);
+    assert!(window.state().image_size().unwrap()[0] < before[0], "the pixel has a wide table");
+    press(&mut window, Key::Escape);
+    assert_eq!(window.state().image_size(), Some(before));
+}
+
 /// Frames of a software adapter come seconds apart.
 #[test]
 fn a_slow_click_is_a_click() {

@@ -82,7 +82,12 @@ fn facts(viewer: &mut Viewer, ui: &mut Ui) {
         Place::Beside => {
             let width = ui.ctx().content_rect().width();
             // Each with a width of its own, which the user may change.
-            let (name, share) = if width < SMALL { ("small facts", SHARE) } else { ("facts", 0.5) };
+            let (name, share) = match width < SMALL {
+                true => ("small facts", SHARE),
+                // Its table is wide, and a panel does not get narrower by itself.
+                false if shows_pixel(viewer) => ("facts of a pixel", 0.5),
+                false => ("facts", 0.5),
+            };
             let most = (share * width).max(120.0);
             Panel::right(name).default_size(300.0_f32.min(most)).max_size(most)
         }
