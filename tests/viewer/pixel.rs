@@ -40,7 +40,8 @@ fn a_click_that_closes_a_menu_explains_no_pixel() {
     settle(&mut window);
     window.get_by_label("Reset");
     click(&mut window, CANVAS);
-    settle(&mut window);
+    let start = Instant::now();
+    until(&mut window, "a second later", |_| start.elapsed() > Duration::from_secs(1));
     assert!(window.query_by_label("Reset").is_none() && window.state().inspection().is_none());
     click(&mut window, CANVAS);
     until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
