@@ -78,14 +78,18 @@ fn a_moved_bundle_is_measured_where_it_stands() {
     let mut model = open("small.ibgs");
     model.place(&by);
     model.into_bundle(&()).unwrap().write(&sandbox.path("moved.ibgs"), Packing::Lossless).unwrap();
+    fs::rename(sandbox.path("scene"), sandbox.path("elsewhere")).unwrap();
     let [psnr, moved] = ["small", "moved"].map(|name| {
-        sandbox.succeeds(&format!("eval {name}.ibgs"));
+        sandbox.succeeds(&format!("eval {name}.ibgs -s elsewhere"));
         sandbox.json(&format!("{name}/results_renders.json"))["ours_30"]["PSNR"].as_f64().unwrap()
     });
     assert!((psnr - moved).abs() < 0.05, "{psnr} dB, moved {moved} dB");
+    fs::rename(sandbox.path("elsewhere"), sandbox.path("scene")).unwrap();
     let [mut model, mut moved] = ["small.ibgs", "moved.ibgs"].map(open);
     let [from, to] = [&mut model, &mut moved].map(|model| model.dataset(&()).unwrap().points.clone());
     assert!(!from.is_empty() && from.len() == to.len());
+    let own: Vec<_> = moved.cameras.iter().map(|record| record.camera).collect();
+    assert!(moved.dataset(&()).unwrap().views.iter().map(|view| view.camera).eq(own));
     for (from, to) in from.iter().zip(&to) {
         let place = by.point(from.position);
         assert!(place.distance(to.position) < 1e-6, "{} is not {place}", to.position);

@@ -63,16 +63,17 @@ impl Model {
             Some(source) if self.source.is_none() && !source.exists() => {
                 return Err(ModelError::SceneGone { path: source.clone() });
             }
-            Some(source) => {
-                let found = load_scene(config, source, progress)?;
-                if self.source.is_some() {
-                    scene_check::check(&self.cameras, &found, source)?;
-                }
-                found
-            }
+            Some(source) => load_scene(config, source, progress)?,
             None if self.foreign => return Err(ModelError::NoScene { path: self.path.clone() }),
             None => self.made_scene(progress)?,
         };
+        // A bundle may have been moved.
+        if self.photos.is_some() {
+            self.move_scene(&mut dataset);
+        }
+        if let Some(source) = &self.source {
+            scene_check::check(&self.cameras, &dataset, source)?;
+        }
         let places: HashMap<&str, usize> = dataset.views.iter().enumerate().map(|(i, view)| (&*view.name, i)).collect();
         self.check_names(&dataset.path, |name| places.contains_key(name))?;
         let split = |wanted: Split| {
@@ -81,10 +82,6 @@ impl Model {
         };
         let (train, test) = (split(Split::Train), split(Split::Test));
         (dataset.train, dataset.test) = (train, test);
-        // A bundle may have been moved.
-        if self.photos.is_some() {
-            self.move_points(&mut dataset);
-        }
         if config.poses.change() || self.photos.is_some() {
             self.give_cameras(&mut dataset);
         }
@@ -137,14 +134,15 @@ impl Model {
         }
     }
 
-    /// Takes the points of the scene to where the model has its cameras.
-    fn move_points(&self, dataset: &mut Dataset) {
+    /// Takes the scene to where the model has its cameras.
+    fn move_scene(&self, dataset: &mut Dataset) {
         let own: HashMap<_, _> = dataset.views.iter().map(|view| (view.name.as_str(), view.camera)).collect();
         let pair = |record: &CameraRecord| Some((*own.get(record.name.as_str())?, record.camera));
         let pairs: Vec<_> = self.cameras.iter().filter_map(pair).collect();
         if pairs.iter().any(|(from, to)| from != to) {
             let moved = Similarity::fit(&pairs);
             dataset.points.iter_mut().for_each(|point| point.position = moved.point(point.position));
+            dataset.views.iter_mut().for_each(|view| view.camera = moved.camera(&view.camera));
         }
     }
 
