@@ -112,6 +112,8 @@ fn edits_are_saved_before_the_window_closes() {
     button_of(&mut window, "Save");
     until(&mut window, "refused", |viewer| viewer.error().is_some());
     assert!(window.state().asks_to_leave() && window.state().error().unwrap().contains("is there already"));
+    // Once: the question has it, and nothing behind it.
+    assert_eq!(window.query_all_by_label_contains("is there already").count(), 1);
     std::fs::remove_file(&saved).unwrap();
     assert!(answer(&mut window, "Save"));
     assert_eq!(read_gaussians(&saved).unwrap().len(), left);

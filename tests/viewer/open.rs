@@ -227,6 +227,7 @@ fn a_scene_that_is_missing_is_an_error_in_the_page() {
     pick(&mut window, "Train");
     window.get_by_label_contains("choose a scene folder");
     type_into(&mut window, "Scene folder", "no/such/scene");
+    assert!(window.query_by_label_contains("choose a scene folder").is_none(), "it is said until it is mended");
     pick(&mut window, "Train");
     assert_eq!(window.state().error(), Some("no/such/scene does not exist; check the path"));
     window.get_by_label_contains("no/such/scene does not exist");

@@ -96,11 +96,14 @@ impl PhotosForm {
             let clicked = ui.button("Find poses").on_hover_text("Runs COLMAP, for a video also ffmpeg").clicked();
             ui.checkbox(&mut self.anew, "begin anew")
                 .on_hover_text("Replace what was made here before with other photos or options");
+            // What is missing is said until it is there.
+            if clicked || self.error.is_some() {
+                self.error = self.request().err();
+            }
             clicked.then(|| self.request())
         })
         .inner
         .and_then(|wanted| {
-            self.error = wanted.as_ref().err().cloned();
             // What this one does is to be gone on with.
             self.anew &= wanted.is_err();
             wanted.ok().map(Asked::Prepare)

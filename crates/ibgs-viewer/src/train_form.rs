@@ -166,9 +166,9 @@ impl TrainForm {
         });
         ui.add_space(4.0);
         let clicked = ui.button("Train").on_hover_text("Begin; you can watch it in this window").clicked();
-        let wanted = clicked.then(|| self.request());
-        if let Some(wanted) = &wanted {
-            self.error = wanted.as_ref().err().cloned();
+        // What is missing is said until it is there.
+        if clicked || self.error.is_some() {
+            self.error = self.request().err();
         }
         if let Some(error) = &self.error {
             let label = ui.colored_label(ui.visuals().error_fg_color, error);
@@ -176,9 +176,9 @@ impl TrainForm {
                 label.scroll_to_me(None);
             }
         }
-        match wanted {
-            Some(request) => request.ok().map(|request| Asked::Open(OpenRequest::Train(request))),
-            None => browses.then_some(Asked::Browse),
+        match clicked {
+            true => self.request().ok().map(|request| Asked::Open(OpenRequest::Train(request))),
+            false => browses.then_some(Asked::Browse),
         }
     }
 

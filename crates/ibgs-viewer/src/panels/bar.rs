@@ -224,7 +224,9 @@ fn fade(viewer: &mut Viewer, ctx: &Context) {
 /// What is being done, was done, or went wrong: over the lower edge of the picture, which keeps its size.
 pub fn status(viewer: &mut Viewer, ctx: &Context) {
     fade(viewer, ctx);
-    if viewer.doing.is_none() && viewer.error.is_none() && viewer.message.is_none() {
+    // The question about unsaved edits says itself what went wrong.
+    let asks = viewer.leaving.is_some();
+    if viewer.doing.is_none() && (viewer.error.is_none() || asks) && viewer.message.is_none() {
         return;
     }
     // What is around the picture can still be clicked.
@@ -242,7 +244,7 @@ pub fn status(viewer: &mut Viewer, ctx: &Context) {
             }
             let color = ui.visuals().error_fg_color;
             for (line, color) in [(&mut viewer.error, Some(color)), (&mut viewer.message, None)] {
-                let Some(text) = line.clone() else { continue };
+                let Some(text) = line.clone().filter(|_| color.is_none() || !asks) else { continue };
                 ui.horizontal_wrapped(|ui| {
                     match color {
                         Some(color) => ui.colored_label(color, text),
