@@ -295,6 +295,18 @@ fn without_photos_there_is_no_error_to_choose_by() {
 }
 
 #[test]
+fn what_a_tool_could_not_do_is_said_until_it_is_used_again() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Colour");
+    // Above the picture.
+    click_on(&mut window, Pos2::new(430.0, 60.0));
+    assert!(window.state().error().unwrap().starts_with("no surface there"));
+    assert_eq!(selected(&window), 0);
+    click_on(&mut window, Pos2::new(430.0, 430.0));
+    assert_eq!((selected(&window) > 0, window.state().error()), (true, None));
+}
+
+#[test]
 fn floaters_are_previewed_and_removed() {
     let (_folder, mut window) = editor();
     pick(&mut window, "Floaters");

@@ -7,7 +7,7 @@ mod tools;
 
 pub use gizmo::{Gizmo, Handle};
 pub use ranges::{Quantity, Ranges};
-pub use tools::{Picture, Tool};
+pub use tools::{Picture, Tool, is_of_tool};
 
 use crate::edit_work::{EditCommand, EditMessage, EditShown, SaveEdited};
 use crate::worker::Command;

@@ -290,6 +290,11 @@ impl Edit {
     }
 }
 
+/// Whether a tool has said this sentence, which counts until a tool is used again.
+pub fn is_of_tool(sentence: &str) -> bool {
+    [NO_SURFACE, NO_DEPTHS].contains(&sentence)
+}
+
 /// Said where a tool finds no surface to work on.
 const NO_SURFACE: &str = "no surface there; click on the model, once its picture is sharp";
 /// Said where depths are needed.

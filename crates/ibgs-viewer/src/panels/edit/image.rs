@@ -1,7 +1,7 @@
 //! What the editor draws over the image, and what the pointer does there.
 
 use super::gizmo;
-use crate::edit::{Edit, Picture, Tool, places};
+use crate::edit::{Edit, Picture, Tool, is_of_tool, places};
 use crate::marks::{self, Onto};
 use crate::viewer::Viewer;
 use eframe::egui::{
@@ -123,6 +123,7 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
     });
     if let Some(at) = pointer.filter(|_| down) {
         if let Some(origin) = origin.filter(|_| edit.stroke().is_empty()) {
+            error.take_if(|error| is_of_tool(error));
             edit.press(share(origin), how, &picture);
         }
         edit.press(share(at), how, &picture);
