@@ -139,7 +139,7 @@ impl Model {
         let own: HashMap<_, _> = dataset.views.iter().map(|view| (view.name.as_str(), view.camera)).collect();
         let pair = |record: &CameraRecord| Some((*own.get(record.name.as_str())?, record.camera));
         let pairs: Vec<_> = self.cameras.iter().filter_map(pair).collect();
-        if pairs.iter().any(|(from, to)| from != to) {
+        if !pairs.iter().all(|(from, to)| to.has_pose_of(from)) {
             let moved = Similarity::fit(&pairs);
             dataset.points.iter_mut().for_each(|point| point.position = moved.point(point.position));
             dataset.views.iter_mut().for_each(|view| view.camera = moved.camera(&view.camera));
