@@ -306,6 +306,24 @@ fn what_a_tool_could_not_do_is_said_until_it_is_used_again() {
     assert_eq!((selected(&window) > 0, window.state().error()), (true, None));
 }
 
+/// While the camera flies, no picture has the depths of the view.
+#[test]
+fn a_brush_that_waits_for_depths_says_so() {
+    let (_folder, mut window) = editor();
+    pick(&mut window, "Brush");
+    window.key_down(Key::E);
+    window.step();
+    button(&mut window, AT, PointerButton::Primary, true);
+    let said = window.state().error().unwrap().to_owned();
+    assert!(said.contains("wait until it is sharp, or switch `Only in front` off"), "{said}");
+    button(&mut window, AT, PointerButton::Primary, false);
+    window.key_up(Key::E);
+    settle(&mut window);
+    assert_eq!((selected(&window), window.state().error()), (0, Some(&*said)));
+    drag(&mut window, PointerButton::Primary, AT, STEP);
+    assert_eq!((selected(&window) > 0, window.state().error()), (true, None));
+}
+
 #[test]
 fn floaters_are_previewed_and_removed() {
     let (_folder, mut window) = editor();

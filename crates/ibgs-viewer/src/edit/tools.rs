@@ -134,19 +134,21 @@ impl Edit {
         &self.stroke
     }
 
-    /// The main button is down at a place of the image, 0 to 1 in both directions; `how` counts when it is pressed.
-    pub fn press(&mut self, at: DVec2, how: Combine, picture: &Picture) {
+    /// The main button is down at a place of the image, 0 to 1 in both directions; `how` counts when it is pressed. A sentence
+    /// where the brush cannot paint yet.
+    pub fn press(&mut self, at: DVec2, how: Combine, picture: &Picture) -> Result<(), &'static str> {
         if self.stroke.last() == Some(&at) {
-            return;
+            return Ok(());
         }
         if self.stroke.is_empty() {
             self.stroke_how = how;
         }
         let from = *self.stroke.last().unwrap_or(&at);
-        if self.tool == Some(Tool::Brush) && !self.paint([from, at], picture) {
-            return;
+        if self.tool == Some(Tool::Brush) {
+            self.paint([from, at], picture)?;
         }
         self.stroke.push(at);
+        Ok(())
     }
 
     /// The camera to select by, and the depths where only what is in front counts; none where those are not there yet.
@@ -157,10 +159,10 @@ impl Edit {
         }
     }
 
-    /// Paints from one place to another. False where the depths that it needs are not there yet.
-    fn paint(&mut self, ends: [DVec2; 2], picture: &Picture) -> bool {
-        let Some((camera, depths)) = self.screen(picture) else { return false };
-        let Some(editor) = &mut self.editor else { return false };
+    /// Paints from one place to another.
+    fn paint(&mut self, ends: [DVec2; 2], picture: &Picture) -> Result<(), &'static str> {
+        let (camera, depths) = self.screen(picture).ok_or(NO_DEPTHS)?;
+        let Some(editor) = &mut self.editor else { return Ok(()) };
         if self.stroke.is_empty() {
             editor.begin();
             if self.stroke_how == Combine::Replace {
@@ -173,7 +175,7 @@ impl Edit {
         // A stroke has many parts, none of which may undo another.
         let how = if self.stroke_how == Combine::Remove { Combine::Remove } else { Combine::Add };
         editor.change(&found, how);
-        true
+        Ok(())
     }
 
     /// The button is up: what was drawn is selected. A sentence where that cannot be.

@@ -121,16 +121,16 @@ fn selects(viewer: &mut Viewer, tool: Tool, ui: &Ui, response: &Response, image:
         let down = input.pointer.button_down(PointerButton::Primary) && response.is_pointer_button_down_on();
         (how(input, edit.how), down || clicked, input.pointer.press_origin())
     });
+    let mut done = Ok(());
     if let Some(at) = pointer.filter(|_| down) {
         if let Some(origin) = origin.filter(|_| edit.stroke().is_empty()) {
             error.take_if(|error| is_of_tool(error));
-            edit.press(share(origin), how, &picture);
+            done = edit.press(share(origin), how, &picture);
         }
-        edit.press(share(at), how, &picture);
+        done = done.and_then(|()| edit.press(share(at), how, &picture));
     }
-    let mut done = Ok(());
     if !response.is_pointer_button_down_on() {
-        done = edit.release(&picture);
+        done = done.and(edit.release(&picture));
     }
     if std::mem::take(&mut edit.ends_polygon) && edit.can_close_polygon() {
         done = done.and_then(|()| edit.close_polygon(how, &picture));
