@@ -173,7 +173,6 @@ fn advice(error: AnyError) -> Option<String> {
         .map(str::to_owned)
         .or_else(|| mesh(error.downcast_ref()?))
         .or_else(|| folders::advice(error.downcast_ref()?))
-        .or_else(|| photos::advice(error.downcast_ref()?))
         .or_else(|| start::advice(error.downcast_ref()?))
 }
 

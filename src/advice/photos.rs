@@ -4,20 +4,13 @@ use super::quoted;
 use crate::prepare;
 use ibgs_core::dataset::DatasetError;
 
-/// The error in other words than the library's: what is missing is poses.
+/// The error in other words than the library's: what is missing is poses, and a command estimates them.
 pub fn rephrased(error: &DatasetError) -> Option<String> {
     let DatasetError::NotAScene { path, wanted } = error else { return None };
     prepare::inputs_in(path)?;
     let what = if path.is_file() { "is a video without camera poses" } else { "has photos but no camera poses" };
-    Some(format!("{} {what}: it has {wanted}", path.display()))
-}
-
-/// The command that estimates the poses.
-pub fn advice(error: &DatasetError) -> Option<String> {
-    let DatasetError::NotAScene { path, .. } = error else { return None };
-    prepare::inputs_in(path)?;
-    let quoted = quoted(path);
-    Some(format!("`ibgs train {quoted} --prepare` estimates them and trains (`ibgs prepare` has options for that)"))
+    let command = format!("`ibgs train {} --prepare`", quoted(path));
+    Some(format!("{} {what}; {command} estimates them and trains; it has {wanted}", path.display()))
 }
 
 #[cfg(test)]
@@ -31,12 +24,16 @@ mod tests {
         std::fs::create_dir(&folder).unwrap();
         let error =
             |path: &std::path::Path| DatasetError::NotAScene { path: path.to_owned(), wanted: "no x".to_owned() };
-        assert_eq!((rephrased(&error(&folder)), advice(&error(&folder))), (None, None));
+        assert_eq!(rephrased(&error(&folder)), None);
         std::fs::write(folder.join("a.jpg"), "").unwrap();
         let said = rephrased(&error(&folder)).unwrap();
-        assert!(said.ends_with("my photos has photos but no camera poses: it has no x"), "{said}");
-        let command = advice(&error(&folder)).unwrap();
-        assert!(command.starts_with(&format!("`ibgs train '{}' --prepare`", folder.display())), "{command}");
+        let path = folder.display();
+        assert_eq!(
+            said,
+            format!(
+                "{path} has photos but no camera poses; `ibgs train '{path}' --prepare` estimates them and trains; it has no x"
+            )
+        );
         let video = work.path().join("a.mp4");
         std::fs::write(&video, "").unwrap();
         assert!(rephrased(&error(&video)).unwrap().contains("a.mp4 is a video without camera poses"));

@@ -29,8 +29,8 @@ fn run(sandbox: &Sandbox, arguments: &str) -> Outcome {
 fn photos_without_poses_are_named_with_the_command() {
     let sandbox = sandbox();
     sandbox.write("walk.mp4", "a video");
-    let command = format!("`ibgs train {} --prepare`", sandbox.path("photos").display());
-    sandbox.fails("train photos", &["photos has photos but no camera poses: it has no sparse/0", &command]);
+    let command = format!("no camera poses; `ibgs train {} --prepare`", sandbox.path("photos").display());
+    sandbox.fails("train photos", &["photos has photos but", &command, "it has no sparse/0"]);
     sandbox.fails("train walk.mp4", &["walk.mp4 is a video without camera poses", "walk.mp4 --prepare`"]);
     sandbox.fails("train shot", &["shot is not a scene"]);
 }
