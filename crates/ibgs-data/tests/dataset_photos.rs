@@ -211,6 +211,9 @@ fn a_width_that_photos_do_not_have_is_said() {
     assert_eq!((widths(&fits), widths(&missed)), ([12, 12], [12, 24]));
     assert_note(&missed, "1 photo narrower than the 24 pixels asked for");
     assert!(!fits.notes.iter().any(|note| note.contains("narrower")), "{:?}", fits.notes);
+    // Few pixels are hardly meant.
+    assert_note(&at(63), "a resolution of 63 is a width of 63 pixels; 1, 2, 4 and 8 divide the size");
+    assert!(!at(64).notes.iter().any(|note| note.contains("divide")));
 }
 
 #[test]

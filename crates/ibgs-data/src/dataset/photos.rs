@@ -11,7 +11,7 @@ use super::masks::SAME_SHAPE;
 use super::names::{Inside, points_into};
 use super::notes as notes_on;
 use super::undistort::undistort;
-use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, View};
+use super::{ALPHA_EMPTY, Alpha, Dataset, LoadOptions, Masks, Photo, PrincipalPoint, Resampler, Resolution, View};
 use crate::camera::Camera;
 use crate::counted;
 use crate::progress::Progress;
@@ -66,6 +66,8 @@ impl ListedPhoto {
 
 /// A lens that leaves more than this share of a photo blank is not a calibration of that photo.
 const MAX_BLANK: f64 = 0.9;
+/// Widths in pixels below this one are hardly meant.
+const SMALL_WIDTH: u32 = 64;
 
 /// Counts the photos that have absolute names in the scene file but are read from the scene folder.
 #[derive(Default)]
@@ -282,6 +284,7 @@ pub(crate) fn load_views(
     let loaded = loaded.into_iter().flatten().collect::<Result<Vec<Loaded>, _>>()?;
     add_notes(&loaded, &mut dataset.notes);
     dataset.notes.extend(object_note(&loaded, options));
+    dataset.notes.extend(width_note(options));
     let views = loaded.into_iter().zip(cache.into_photos());
     dataset.views.extend(views.map(|(Loaded { name, camera, .. }, photo)| View { name, camera, photo }));
     Ok(())
@@ -302,6 +305,12 @@ fn object_note(loaded: &[Loaded], options: &LoadOptions) -> Option<String> {
         }
         _ => format!("{emptied} of an object: outside of the masks there is nothing"),
     })
+}
+
+/// A small width may have been meant to divide the size.
+fn width_note(options: &LoadOptions) -> Option<String> {
+    let Resolution::Width(width @ ..SMALL_WIDTH) = options.resolution else { return None };
+    Some(format!("a resolution of {width} is a width of {width} pixels; 1, 2, 4 and 8 divide the size"))
 }
 
 fn photos(count: usize) -> String {
