@@ -124,11 +124,14 @@ fn escape_closes_the_settings_first() {
     let mut window = coarse(plain(folder.path()));
     click(&mut window, CANVAS);
     until(&mut window, "inspected", |viewer| viewer.inspection().is_some());
-    window.state_mut().show_settings(true);
     press(&mut window, Key::F1);
-    window.get_by_label("Always sharp");
     window.get_by_label("left drag");
+    pick(&mut window, "Settings");
+    window.run_steps(20);
+    window.get_by_label("Always sharp");
+    assert!(window.query_by_label("left drag").is_none(), "one takes the place of the other");
     press(&mut window, Key::Escape);
+    window.run_steps(20);
     assert!(window.query_by_label("Always sharp").is_none() && window.query_by_label("left drag").is_none());
     assert!(window.state().inspection().is_some());
     press(&mut window, Key::Escape);

@@ -57,6 +57,24 @@ fn a_model_is_written_for_other_programs() {
 }
 
 #[test]
+fn settings_and_keys_take_its_place() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = sharing(folder.path());
+    window.get_by_label("Write as");
+    for (opens, shown, gone) in [
+        ("Settings", "Always sharp", "Write as"),
+        ("Share", "Write as", "Always sharp"),
+        ("?", "left drag", "Write as"),
+        ("Share", "Write as", "left drag"),
+    ] {
+        window.get_by_label(opens).click();
+        window.run_steps(20);
+        window.get_by_label(shown);
+        assert!(window.query_by_label(gone).is_none(), "{opens} leaves `{gone}`");
+    }
+}
+
+#[test]
 fn a_page_needs_the_module_for_browsers() {
     let folder = tempfile::tempdir().unwrap();
     let mut window = sharing(folder.path());

@@ -3,7 +3,7 @@
 use crate::IN_BROWSER;
 use crate::dialogs::Sought;
 use crate::mode::Mode;
-use crate::viewer::Viewer;
+use crate::viewer::{Over, Viewer};
 use eframe::egui::{Context, Key, KeyboardShortcut, ModifierNames, Modifiers, Popup, ViewportCommand};
 use glam::DVec3;
 use ibgs_core::edit::Editor;
@@ -105,7 +105,9 @@ static TABLE: [Row; 27] = [
         ..row(Scope::Editor, NONE, Key::Enter, "ends the polygon", |viewer, _| viewer.edit.ends_polygon = true)
     },
     Row {
-        when: |viewer| !covers_picture(viewer) && viewer.edit.escapes(viewer.found.is_some() || viewer.other.is_some()),
+        when: |viewer| {
+            viewer.panels.over.is_none() && viewer.edit.escapes(viewer.found.is_some() || viewer.other.is_some())
+        },
         ..row(
             Scope::Editor,
             NONE,
@@ -117,30 +119,23 @@ static TABLE: [Row; 27] = [
         )
     },
     Row {
-        when: |viewer| covers_picture(viewer) || viewer.found.is_some() || viewer.other.is_some(),
+        when: |viewer| viewer.panels.over.is_some() || viewer.found.is_some() || viewer.other.is_some(),
         ..row(
             Scope::Picture,
             NONE,
             Key::Escape,
             "closes what covers the picture, then the pixel and the split",
-            |viewer, _| match covers_picture(viewer) {
-                true => {
-                    (viewer.panels.shows_help, viewer.panels.shows_settings) = (false, false);
-                    viewer.share.shown = false;
+            |viewer, _| {
+                if viewer.panels.over.take().is_none() {
+                    (viewer.found, viewer.other) = (None, None);
                 }
-                false => (viewer.found, viewer.other) = (None, None),
             },
         )
     },
     row(Scope::Picture, NONE, Key::F1, "shows keys and pointer", |viewer, _| {
-        viewer.panels.shows_help = !viewer.panels.shows_help;
+        viewer.panels.put_over(Over::Help, viewer.panels.over != Some(Over::Help));
     }),
 ];
-
-/// Whether settings, keys or what is shared stand over the picture.
-fn covers_picture(viewer: &Viewer) -> bool {
-    viewer.panels.shows_help || viewer.panels.shows_settings || viewer.share.shown
-}
 
 /// Keys that fly, with their direction: right, down, forward.
 const FLY: [(Key, DVec3); 6] = [

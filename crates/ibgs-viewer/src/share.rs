@@ -86,7 +86,6 @@ pub struct ShareRequest {
 /// The panel's state.
 #[derive(Default)]
 pub(crate) struct Share {
-    pub shown: bool,
     /// The model that the name was proposed for.
     pub model: Option<PathBuf>,
     pub kind: ShareKind,

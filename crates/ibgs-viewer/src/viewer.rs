@@ -63,11 +63,29 @@ pub(crate) struct Panels {
     pub had_menu: bool,
     /// Where the picture is, once there is one.
     pub picture: Option<Rect>,
-    /// Keys and pointer explained.
-    pub shows_help: bool,
-    pub shows_settings: bool,
+    /// What stands over the picture, one at a time.
+    pub over: Option<Over>,
     /// The camera path.
     pub path: PathEditor,
+}
+
+impl Panels {
+    /// Shows something over the picture in place of what stood there, or closes it.
+    pub fn put_over(&mut self, over: Over, shown: bool) {
+        match shown {
+            true => self.over = Some(over),
+            false => _ = self.over.take_if(|shown| *shown == over),
+        }
+    }
+}
+
+/// What stands over the picture.
+#[derive(Clone, Copy, PartialEq, Eq)]
+pub(crate) enum Over {
+    Settings,
+    Share,
+    /// Keys and pointer explained.
+    Help,
 }
 
 /// A pixel that was asked about.

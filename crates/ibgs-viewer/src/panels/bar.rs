@@ -5,7 +5,7 @@ use crate::icons::{self, icon};
 use crate::mode::Mode;
 use crate::panels::sides::SMALL;
 use crate::panels::start;
-use crate::viewer::Viewer;
+use crate::viewer::{Over, Viewer};
 use eframe::egui::containers::menu::MenuButton;
 use eframe::egui::{self, Align2, Area, Button, Context, DragValue, Frame, Id, Ui, Vec2};
 use glam::DVec3;
@@ -52,12 +52,12 @@ pub fn bar(viewer: &mut Viewer, ui: &mut Ui) {
                 split(viewer, ui);
                 separator(ui);
             }
-            let shown = viewer.panels.shows_settings;
+            let shown = viewer.panels.over == Some(Over::Settings);
             if ui.selectable_label(shown, "Settings").on_hover_text("What is kept for every model").clicked() {
-                viewer.panels.shows_settings = !shown;
+                viewer.panels.put_over(Over::Settings, !shown);
             }
             if looks && ui.button("?").on_hover_text("Keys and pointer. Key F1.").clicked() {
-                viewer.panels.shows_help = !viewer.panels.shows_help;
+                viewer.panels.put_over(Over::Help, viewer.panels.over != Some(Over::Help));
             }
         });
     });
@@ -107,11 +107,11 @@ fn film(viewer: &mut Viewer, ui: &mut Ui) {
 /// The button of what is written for others.
 fn share(viewer: &mut Viewer, ui: &mut Ui) {
     let model = viewer.shared_model();
-    let shown = viewer.share.shown;
+    let shown = viewer.panels.over == Some(Over::Share);
     let button = ui.add_enabled(model.is_some(), Button::selectable(shown, (icon(icons::SHARE), "Share")));
     let text = "Write a page for browsers, a bundle, or Gaussians for other programs";
     if button.on_hover_text(text).on_disabled_hover_text("Once the training has ended").clicked() {
-        viewer.share.shown = !shown;
+        viewer.panels.put_over(Over::Share, !shown);
     }
 }
 

@@ -22,7 +22,7 @@ pub use start::{chosen, start};
 
 use crate::keys;
 use crate::mode::Mode;
-use crate::viewer::Viewer;
+use crate::viewer::{Over, Viewer};
 use eframe::egui::{
     self, Align2, Color32, Context, CursorIcon, FontId, Galley, Painter, Pos2, Rect, RichText, ScrollArea, Sense,
     Slider, Stroke, StrokeKind, TextStyle, TextWrapMode, Ui, Vec2, WidgetText,
@@ -195,7 +195,7 @@ fn legend(painter: &Painter, at: Pos2, most: u32) {
 }
 
 fn help(viewer: &mut Viewer, ui: &mut Ui) {
-    let mut open = viewer.panels.shows_help;
+    let mut open = viewer.panels.over == Some(Over::Help);
     let ctx = ui.ctx();
     let width = ctx.content_rect().width();
     floating("Keys and pointer", ctx).open(&mut open).max_width(width - 32.0).show(ctx, |ui| {
@@ -217,5 +217,5 @@ fn help(viewer: &mut Viewer, ui: &mut Ui) {
             });
         });
     });
-    viewer.panels.shows_help = open;
+    viewer.panels.put_over(Over::Help, open);
 }

@@ -4,12 +4,12 @@ use super::{floating, scrolled};
 use crate::IN_BROWSER;
 use crate::keys;
 use crate::settings::{ANGLES, Backdrop, SPEEDS, Unit};
-use crate::viewer::Viewer;
+use crate::viewer::{Over, Viewer};
 use eframe::egui::{ComboBox, Context, DragValue, Grid, Slider, ThemePreference, Ui};
 
 /// The panel, while it is shown.
 pub fn settings(viewer: &mut Viewer, ctx: &Context) {
-    let mut open = viewer.panels.shows_settings;
+    let mut open = viewer.panels.over == Some(Over::Settings);
     floating("Settings", ctx).open(&mut open).show(ctx, |ui| {
         scrolled(ui, |ui| {
             Grid::new("settings").num_columns(2).spacing([16.0, 8.0]).show(ui, |ui| {
@@ -24,7 +24,7 @@ pub fn settings(viewer: &mut Viewer, ctx: &Context) {
             });
         });
     });
-    viewer.panels.shows_settings = open;
+    viewer.panels.put_over(Over::Settings, open);
 }
 
 fn theme(ui: &mut Ui) {

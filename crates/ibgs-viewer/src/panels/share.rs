@@ -2,7 +2,7 @@
 
 use super::floating;
 use crate::share::ShareKind;
-use crate::viewer::Viewer;
+use crate::viewer::{Over, Viewer};
 use eframe::egui::{Button, ComboBox, Context, TextEdit};
 
 /// Width in points, where the window has room for it.
@@ -11,13 +11,13 @@ const WIDTH: f32 = 420.0;
 /// The panel, while it is shown.
 pub fn share(viewer: &mut Viewer, ctx: &Context) {
     let Some(model) = viewer.shared_model() else {
-        viewer.share.shown = false;
+        viewer.panels.put_over(Over::Share, false);
         return;
     };
     if viewer.share.model.as_ref() != Some(&model) && !viewer.share.runs {
         viewer.share.propose(&model);
     }
-    let (mut open, mut writes) = (viewer.share.shown, false);
+    let (mut open, mut writes) = (viewer.panels.over == Some(Over::Share), false);
     let width = WIDTH.min(ctx.content_rect().width() - 48.0);
     floating("Share", ctx).open(&mut open).show(ctx, |ui| {
         ui.set_width(width);
@@ -62,7 +62,7 @@ pub fn share(viewer: &mut Viewer, ctx: &Context) {
             ui.label(line);
         }
     });
-    viewer.share.shown = open;
+    viewer.panels.put_over(Over::Share, open);
     if let Some(request) = viewer.share.request(&model).filter(|_| writes) {
         viewer.write_shared(request);
     }

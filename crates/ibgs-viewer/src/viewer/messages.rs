@@ -1,7 +1,7 @@
 //! Messages from the worker.
 
 use super::framing::{lowest, middle};
-use super::{End, Found, Panels, Trained, Viewer};
+use super::{End, Found, Over, Panels, Trained, Viewer};
 use crate::Scene;
 use crate::edit::Edit;
 use crate::mode::Mode;
@@ -108,10 +108,10 @@ impl Viewer {
         (self.mode, self.other, self.on_view, self.moved) = (Mode::Final, None, None, None);
         self.lacks_final = false;
         (self.coming, self.clicked) = (None, None);
-        (self.share.shown, self.thumbnails) = (false, Thumbnails::default());
+        self.thumbnails = Thumbnails::default();
         self.panels = Panels {
             only_frame: self.panels.only_frame,
-            shows_settings: self.panels.shows_settings,
+            over: self.panels.over.filter(|over| *over == Over::Settings),
             ..Panels::default()
         };
         self.canvas.clear();

@@ -1,6 +1,6 @@
 //! What those who hold the window read of it and set: a page, or a test.
 
-use super::Viewer;
+use super::{Over, Viewer};
 use crate::Scene;
 use crate::dialogs::Dialog;
 use crate::mode::Mode;
@@ -77,7 +77,7 @@ impl Viewer {
 
     /// Shows or hides the settings.
     pub fn show_settings(&mut self, shown: bool) {
-        self.panels.shows_settings = shown;
+        self.panels.put_over(Over::Settings, shown);
     }
 
     /// What is asked in place of the system's file dialogs.

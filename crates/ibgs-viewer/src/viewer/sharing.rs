@@ -1,6 +1,6 @@
 //! Writing the model for others.
 
-use super::Viewer;
+use super::{Over, Viewer};
 use crate::share::ShareRequest;
 use crate::worker::Command;
 use std::path::PathBuf;
@@ -24,7 +24,7 @@ impl Viewer {
         match outcome {
             Ok(said) => {
                 // The panel says it, where it is open.
-                if !self.share.shown {
+                if self.panels.over != Some(Over::Share) {
                     self.message = said.last().cloned();
                 }
                 self.share.said = said;
