@@ -204,6 +204,20 @@ fn a_split_shows_two_modes() {
 }
 
 #[test]
+fn a_split_offers_the_modes_that_are_not_shown() {
+    let folder = tempfile::tempdir().unwrap();
+    let mut window = coarse(plain(folder.path()));
+    let shown = window.state().mode();
+    let labels = |window: &Window, mode: Mode| window.query_all_by_label(mode.name()).count();
+    let before: Vec<usize> = Mode::ALL.into_iter().map(|mode| labels(&window, mode)).collect();
+    window.get_by_label("Split").click();
+    window.run_steps(3);
+    for (mode, before) in Mode::ALL.into_iter().zip(before) {
+        assert_eq!(labels(&window, mode) - before, usize::from(mode != shown), "{mode:?}");
+    }
+}
+
+#[test]
 fn models_without_a_network_or_photos_offer_what_they_have() {
     let (renderer, dataset) = small_model();
     let (raster, splats) = (ibgs_reference::gpu::rasterizer(), renderer.splats().clone());

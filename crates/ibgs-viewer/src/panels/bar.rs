@@ -158,7 +158,8 @@ fn split(viewer: &mut Viewer, ui: &mut Ui) {
             viewer.show_other(None);
             ui.close();
         }
-        for mode in Mode::ALL {
+        let shown = viewer.mode;
+        for mode in Mode::ALL.into_iter().filter(|mode| *mode != shown) {
             if mode_button(viewer, ui, viewer.other, mode) {
                 viewer.show_other(Some(mode));
                 ui.close();
