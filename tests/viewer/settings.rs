@@ -139,6 +139,22 @@ fn escape_closes_the_settings_first() {
 }
 
 #[test]
+fn escape_closes_the_settings_on_the_start_page_too() {
+    let mut window = window(None);
+    pick(&mut window, "Settings");
+    // A menu in them closes first.
+    window.get_by_role_and_label(Role::ComboBox, "Background").click();
+    window.run_steps(3);
+    window.get_by_label("white");
+    for label in ["white", "Always sharp"] {
+        window.get_by_label("Always sharp");
+        press(&mut window, Key::Escape);
+        window.run_steps(20);
+        assert!(window.query_by_label(label).is_none(), "{label}");
+    }
+}
+
+#[test]
 fn ctrl_o_opens_and_without_a_file_dialog_the_path_is_typed() {
     let folder = tempfile::tempdir().unwrap();
     let (renderer, _) = small_model();

@@ -13,6 +13,8 @@ use ibgs_core::edit::Editor;
 enum Scope {
     /// Everywhere, also while something is typed.
     Window,
+    /// Over the picture and the start page.
+    Page,
     /// Over the picture.
     Picture,
     /// Over the picture, for what a browser does not have.
@@ -119,9 +121,12 @@ static TABLE: [Row; 27] = [
         )
     },
     Row {
-        when: |viewer| viewer.panels.over.is_some() || viewer.found.is_some() || viewer.other.is_some(),
+        when: |viewer| {
+            let below = !viewer.start.shown && (viewer.found.is_some() || viewer.other.is_some());
+            viewer.panels.over.is_some() || below
+        },
         ..row(
-            Scope::Picture,
+            Scope::Page,
             NONE,
             Key::Escape,
             "closes what covers the picture, then the pixel and the split",
@@ -183,7 +188,7 @@ pub fn help() -> Vec<(String, &'static str)> {
     }
     let mut last = "";
     for Row { modifiers, key, what, scope, .. } in &TABLE {
-        if IN_BROWSER && *scope != Scope::Picture {
+        if IN_BROWSER && !matches!(scope, Scope::Page | Scope::Picture) {
             continue;
         }
         let name = named(*modifiers, *key);
@@ -208,7 +213,7 @@ pub fn full_screen(ctx: &Context) {
 
 /// Takes the keys that were pressed, so that they do nothing else.
 pub fn keys(viewer: &mut Viewer, ctx: &Context) {
-    let over_picture = viewer.takes_keys(ctx);
+    let (over_page, over_picture) = (viewer.is_free(ctx), viewer.takes_keys(ctx));
     let has_focus = ctx.egui_wants_keyboard_input();
     if viewer.leaving.is_some() || ctx.input(|input| input.modifiers.alt) {
         return;
@@ -216,6 +221,7 @@ pub fn keys(viewer: &mut Viewer, ctx: &Context) {
     for row in &TABLE {
         let counts = match row.scope {
             Scope::Window => !IN_BROWSER,
+            Scope::Page => over_page,
             Scope::Picture => over_picture,
             Scope::Files => over_picture && !IN_BROWSER,
             Scope::Editor => over_picture && viewer.edit.shown && viewer.training.is_none(),
@@ -251,10 +257,14 @@ pub fn flight(ctx: &Context) -> DVec3 {
 }
 
 impl Viewer {
-    /// Whether keys are for the picture: nothing else is shown, nothing is typed, and no menu is open.
+    /// Whether keys are for the picture: it is shown, and the window is free.
     pub(crate) fn takes_keys(&self, ctx: &Context) -> bool {
-        let is_alone = !self.start.shown && self.scene.is_some() && self.leaving.is_none();
-        is_alone && !ctx.text_edit_focused() && !Popup::is_any_open(ctx)
+        !self.start.shown && self.scene.is_some() && self.is_free(ctx)
+    }
+
+    /// Whether nothing is asked or typed, and no menu is open.
+    fn is_free(&self, ctx: &Context) -> bool {
+        self.leaving.is_none() && !ctx.text_edit_focused() && !Popup::is_any_open(ctx)
     }
 
     /// Adds a keyframe where the camera is, and says so where its timeline is not shown.
