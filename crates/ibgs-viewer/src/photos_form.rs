@@ -97,10 +97,11 @@ impl PhotosForm {
             ui.checkbox(&mut self.anew, "begin anew")
                 .on_hover_text("Replace what was made here before with other photos or options");
             // What is missing is said until it is there.
-            if clicked || self.error.is_some() {
-                self.error = self.request().err();
+            let wanted = (clicked || self.error.is_some()).then(|| self.request());
+            if let Some(wanted) = &wanted {
+                self.error = wanted.as_ref().err().cloned();
             }
-            clicked.then(|| self.request())
+            wanted.filter(|_| clicked)
         })
         .inner
         .and_then(|wanted| {

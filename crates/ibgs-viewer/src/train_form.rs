@@ -167,8 +167,9 @@ impl TrainForm {
         ui.add_space(4.0);
         let clicked = ui.button("Train").on_hover_text("Begin; you can watch it in this window").clicked();
         // What is missing is said until it is there.
-        if clicked || self.error.is_some() {
-            self.error = self.request().err();
+        let wanted = (clicked || self.error.is_some()).then(|| self.request());
+        if let Some(wanted) = &wanted {
+            self.error = wanted.as_ref().err().cloned();
         }
         if let Some(error) = &self.error {
             let label = ui.colored_label(ui.visuals().error_fg_color, error);
@@ -176,9 +177,9 @@ impl TrainForm {
                 label.scroll_to_me(None);
             }
         }
-        match clicked {
-            true => self.request().ok().map(|request| Asked::Open(OpenRequest::Train(request))),
-            false => browses.then_some(Asked::Browse),
+        match wanted {
+            Some(request) if clicked => request.ok().map(|request| Asked::Open(OpenRequest::Train(request))),
+            _ => browses.then_some(Asked::Browse),
         }
     }
 

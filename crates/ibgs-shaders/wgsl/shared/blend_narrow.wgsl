@@ -121,29 +121,21 @@ fn main(
             #endif
             before_z[FIRST + $su] = select(before_z[FIRST + $su], before_z[FIRST + $su + 1u], is_before);
             before_w[FIRST + $su] = select(before_w[FIRST + $su], before_w[FIRST + $su + 1u], is_before);
+            #if INTERSECTIONS
+            after_z[FIRST + $su] = select(after_z[FIRST + $su], after_z[FIRST + $su + 1u], is_after);
+            after_w[FIRST + $su] = select(after_w[FIRST + $su], after_w[FIRST + $su + 1u], is_after);
+            #if ENTRIES
+            before_e[FIRST + $su] = select(before_e[FIRST + $su], before_e[FIRST + $su + 1u], is_before);
+            after_e[FIRST + $su] = select(after_e[FIRST + $su], after_e[FIRST + $su + 1u], is_after);
+            #endif
+            #endif
             #end
             before_z[3] = select(before_z[3], z, is_before);
             before_w[3] = select(before_w[3], weight, is_before);
             #if INTERSECTIONS
-            #if DEEP
-            #repeat s 3
-            #else
-            #repeat s 1
-            #endif
-            after_z[FIRST + $su] = select(after_z[FIRST + $su], after_z[FIRST + $su + 1u], is_after);
-            after_w[FIRST + $su] = select(after_w[FIRST + $su], after_w[FIRST + $su + 1u], is_after);
-            #end
             after_z[3] = select(after_z[3], z, is_after);
             after_w[3] = select(after_w[3], weight, is_after);
             #if ENTRIES
-            #if DEEP
-            #repeat s 3
-            #else
-            #repeat s 1
-            #endif
-            before_e[FIRST + $su] = select(before_e[FIRST + $su], before_e[FIRST + $su + 1u], is_before);
-            after_e[FIRST + $su] = select(after_e[FIRST + $su], after_e[FIRST + $su + 1u], is_after);
-            #end
             before_e[3] = select(before_e[3], entry, is_before);
             after_e[3] = select(after_e[3], entry, is_after);
             #endif
