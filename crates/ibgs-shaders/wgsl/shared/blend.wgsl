@@ -1,20 +1,20 @@
 // Front-to-back blending, one workgroup a tile, one thread a pixel, with early stop. COLOR: colour and transmittance.
 // PLANES: the median depth, from the ray's intersections with the Gaussians' planes. INTERSECTIONS, with both: the normal map and
 // the intersections themselves too. ENTRIES: also the list entries that gradients need. TRANSMITTANCE_BEHIND: the transmittance lies
-// behind the normals. The median depth alone is done with a pixel when its buffer `after` is full. SUBGROUPS: a subgroup walks only
-// the entries that may reach its pixels; the image is the same bit for bit. STRAIGHT: all its lanes take an entry, whether it counts
-// or not, as branches cost more than they leave out. NARROW: processors have a form of their own.
+// behind the normals. The median depth alone is done with a pixel when its buffer `after` is full. SUBGROUPS: half a subgroup walks
+// only the entries that may reach its pixels; the image is the same bit for bit. STRAIGHT: all lanes take an entry, whether it
+// counts or not, as branches cost more than they leave out. NARROW: processors have a form of their own.
 
 #import tile_order
+#if NARROW
+#import blend_narrow
+#else
 #if SUBGROUPS
-#import block
+#import block_half
 #if COLOR
 #define STRAIGHT
 #endif
 #endif
-#if NARROW
-#import blend_narrow
-#else
 
 #import blend_batch
 #if PLANES
@@ -32,8 +32,8 @@ fn main(
 ) {
     let tile = tile_of(wid);
     #if SUBGROUPS
-    let pixel = corner_of(tile) + block_pixel(subgroup, lane);
-    let block = vec2<f32>(corner_of(tile) + block_pixel(subgroup, 0u));
+    let pixel = corner_of(tile) + half_pixel(subgroup, lane);
+    let block = vec2<f32>(corner_of(tile) + block_corner(subgroup));
     #else
     let pixel = corner_of(tile) + vec2(local % TILE, local / TILE);
     #endif
@@ -80,18 +80,7 @@ fn main(
         if all_finished(local) {
             break;
         }
-        let k = first + local;
-        if local < BATCH && k < end {
-            let g = sorted_gaussians[k];
-            batch[ENTRY * local] = projected[3u * g];
-            batch[ENTRY * local + 1u] = projected[3u * g + 1u];
-            #if COLOR
-            batch[ENTRY * local + COLOR_ROW] = projected[3u * g + 2u];
-            #endif
-            #if PLANES
-            batch[ENTRY * local + PLANE_ROW] = planes[g];
-            #endif
-        }
+        load_entry(local, first, end);
         workgroupBarrier();
         let size = min(BATCH, end - first);
         #if SUBGROUPS
@@ -99,8 +88,7 @@ fn main(
             let own = group + lane;
             let own_a = batch[ENTRY * own];
             let own_b = batch[ENTRY * own + 1u];
-            let reaches = own < size && reaches_block(block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.y);
-            var left = subgroupBallot(reaches).x;
+            var left = reaching_half(lane, own < size, block - own_a.xy, vec3(own_a.zw, own_b.x), own_b.zw);
             if subgroupAll(done) {
                 break;
             }

@@ -34,3 +34,26 @@ fn all_finished(local: u32) -> bool {
     }
     return workgroupUniformLoad(&finished_now) == THREADS;
 }
+
+// Entry `first` + `local` of the lists, where it lies before `end`; the first BATCH threads load one each.
+fn load_entry(local: u32, first: u32, end: u32) {
+    if local >= min(BATCH, end - first) {
+        return;
+    }
+    let g = sorted_gaussians[first + local];
+    let a = projected[3u * g];
+    let b = projected[3u * g + 1u];
+    batch[ENTRY * local] = a;
+    #if SUBGROUPS
+    // In place of depth and radius.
+    batch[ENTRY * local + 1u] = vec4(b.xy, block_reach(vec3(a.zw, b.x), b.y));
+    #else
+    batch[ENTRY * local + 1u] = b;
+    #endif
+    #if COLOR
+    batch[ENTRY * local + COLOR_ROW] = projected[3u * g + 2u];
+    #endif
+    #if PLANES
+    batch[ENTRY * local + PLANE_ROW] = planes[g];
+    #endif
+}

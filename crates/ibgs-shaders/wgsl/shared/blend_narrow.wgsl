@@ -2,6 +2,7 @@
 // and exchanges lanes in one instruction. So a subgroup has a block of 8 x 4 pixels, of which each lane has the four of a column. Its
 // lanes read as many list entries at once and test them against the block; those that may reach it go to all lanes, one after the
 // other. The image is that of the other forms, bit for bit.
+#import block
 
 // Of a column's pixels.
 const ROWS: u32 = 4u;

@@ -13,14 +13,26 @@ fn block_pixel(subgroup: u32, lane: u32) -> vec2<u32> {
     return block_corner(subgroup) + vec2(lane % BLOCK_COLUMNS, lane / BLOCK_COLUMNS);
 }
 
-// Whether a Gaussian may have alpha >= 1/255 at a pixel of a block; `first`: the block's first pixel centre, from the mean. If the
-// mean lies outside, the falloff is least on one of the two edges that face it, where one coordinate is fixed.
-fn reaches_block(first: vec2<f32>, shape: vec3<f32>, opacity: f32) -> bool {
-    let last = first + vec2(f32(BLOCK_COLUMNS - 1u), f32(BLOCK_ROWS - 1u));
+// What the test of a Gaussian against blocks needs beside its shape: twice the falloff at its outline, and dx/dy of the line through
+// the mean where the falloff along a row is least.
+fn block_reach(shape: vec3<f32>, opacity: f32) -> vec2<f32> {
+    let lean = shape.y * shape.z;
+    return vec2(outline_cut(opacity), lean / (shape.x + lean * shape.y));
+}
+
+// Whether a Gaussian may have alpha >= 1/255 at a pixel of a block; `first`: the block's first pixel centre, from the mean;
+// `extent`: from it to the last. If the mean lies outside, the falloff is least on one of the two edges that face it, where one
+// coordinate is fixed.
+fn reaches(first: vec2<f32>, extent: vec2<f32>, shape: vec3<f32>, reach: vec2<f32>) -> bool {
+    let last = first + extent;
     let near = clamp(vec2(0.0), first, last);
     let y = clamp(shape.y * near.x, first.y, last.y);
-    let lean = shape.y * shape.z;
-    let x = clamp(lean * near.y / (shape.x + lean * shape.y), first.x, last.x);
+    let x = clamp(reach.y * near.y, first.x, last.x);
     let least = min(falloff(vec2(near.x, y), shape), falloff(vec2(x, near.y), shape));
-    return 2.0 * least <= outline_cut(opacity);
+    return 2.0 * least <= reach.x;
+}
+
+// The same for the block of a subgroup.
+fn reaches_block(first: vec2<f32>, shape: vec3<f32>, opacity: f32) -> bool {
+    return reaches(first, vec2(f32(BLOCK_COLUMNS - 1u), f32(BLOCK_ROWS - 1u)), shape, block_reach(shape, opacity));
 }
