@@ -5,6 +5,7 @@
 
 use glam::{DMat3, DVec2, DVec3};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 
 /// Largest coordinate of a camera's centre, far beyond what single precision shows, so that no sum overflows.
 pub const MAX_COORDINATE: f64 = 1e12;
@@ -108,6 +109,12 @@ impl Camera {
     pub fn resized(&self, width: u32, height: u32) -> Camera {
         let scale = DVec2::new(f64::from(width) / f64::from(self.width), f64::from(height) / f64::from(self.height));
         Camera { width, height, focal: self.focal * scale, principal: self.principal * scale, ..*self }
+    }
+
+    /// The camera of some rows of its image.
+    pub fn of_rows(&self, rows: &Range<u32>) -> Camera {
+        let principal = self.principal - DVec2::new(0.0, rows.start.into());
+        Camera { height: rows.end - rows.start, principal, ..*self }
     }
 
     /// The same camera with the principal point moved to the image centre (the published code's setting).

@@ -114,7 +114,9 @@ impl Sizes {
         let largest = |of: &dyn Fn(&Camera) -> u64| demand.cameras.iter().map(of).max().unwrap_or(0);
         let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let widest = demand.cameras.iter().max_by_key(|c| area([c.width, c.height]));
-        let low = widest.map_or([0; 2], |c| factor.size([c.width, c.height]).map(u64::from));
+        // The network sees a band of a view at a time.
+        let band = |c: &Camera| [c.width, config.residual.bands_of(c.height).1];
+        let low = widest.map_or([0; 2], |c| factor.size(band(c)).map(u64::from));
         Self {
             n: demand.gaussians,
             coefficients: u64::from(demand.sh_degree + 1).pow(2),

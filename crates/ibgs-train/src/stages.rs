@@ -11,7 +11,7 @@ use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{AdamConfig, TrainConfig};
+use ibgs_core::config::{AdamConfig, ResidualConfig, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room};
@@ -24,9 +24,10 @@ use ibgs_core::sources::depth_cache::DepthCache;
 use ibgs_core::sources::find::{Draw, SourceFinder};
 use ibgs_core::sources::source_store::SourceStore;
 use ibgs_core::sources::{SourceView, Warped, Warper};
-use rand::SeedableRng;
+use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 use std::collections::BTreeMap;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What the image-based stages keep from iteration to iteration.
@@ -42,6 +43,7 @@ pub(super) struct ImageStages {
     depths: DepthCache,
     warper: Warper,
     residual: Residual,
+    config: ResidualConfig,
     network: NetworkParameters,
     network_optimizer: TensorOptimizer,
 }
@@ -74,9 +76,11 @@ pub(super) struct FromSources {
     pub final_image: Option<FinalImage>,
 }
 
-/// The final image of an iteration.
+/// The final image of an iteration, or of a band of its rows.
 pub(super) struct FinalImage {
     pub image: Tensor<3>,
+    /// Its rows of the view; none: all.
+    pub rows: Option<Range<u32>>,
     /// The network's weights as a leaf.
     pub network: Tensor<1>,
 }
@@ -99,6 +103,7 @@ impl ImageStages {
             residual: Residual::new(gpu.clone(), options.variant, options.precision),
             network_optimizer: TensorOptimizer::new(gpu, &network.network().weights, WEIGHTS, adam)?,
             gpu: gpu.clone(),
+            config: residual.clone(),
             network,
             cameras: cameras.clone(),
             options,
@@ -199,16 +204,40 @@ impl ImageStages {
 
     fn final_image(&self, work: &Work, colors: &Tensor<3>, pass: &Warped) -> Result<FinalImage, GpuError> {
         let burn_in = work.schedule.burn_in(work.iteration);
-        let (camera, seen) = (self.cameras[work.index], pass.seen.clone());
-        let task = ResidualTask { camera, seen, gain: burn_in.unwrap_or(1.0) as f32 };
+        let gain = burn_in.unwrap_or(1.0) as f32;
+        let mut task = ResidualTask { camera: self.cameras[work.index], seen: pass.seen.clone(), gain };
         let network = self.network.tensor().autodiff().require_grad();
         // During burn-in only the network learns from the final image.
-        let (base, colors) = match burn_in.is_some() {
+        let (mut base, mut colors) = match burn_in.is_some() {
             true => (work.shown.clone().detach(), colors.clone().detach()),
             false => (work.shown.clone(), colors.clone()),
         };
+        let rows = self.band(work.iteration, task.camera.height);
+        if let Some(rows) = &rows {
+            let at = |row: u32| row as usize;
+            let pixels = task.camera.width as usize;
+            base = autodiff::slice(&self.gpu, base, 0, at(rows.start)..at(rows.end))?;
+            colors = autodiff::slice(&self.gpu, colors, 1, pixels * at(rows.start)..pixels * at(rows.end))?;
+            let mut copies = Pass::new(&self.gpu, "rows of a view");
+            task.seen = self.warper.seen_in_rows(&mut copies, pass, rows)?;
+            copies.submit();
+            task.camera = task.camera.of_rows(rows);
+        }
         let image = autodiff::residual(&self.residual, &task, base, colors, network.clone())?;
-        Ok(FinalImage { image, network })
+        Ok(FinalImage { image, rows, network })
+    }
+
+    /// The band of a view's rows of which an iteration makes the final image; none: of all.
+    fn band(&self, iteration: u32, height: u32) -> Option<Range<u32>> {
+        let (bands, rows) = self.config.bands_of(height);
+        if bands == 1 {
+            return None;
+        }
+        let mut rng = ChaCha8Rng::seed_from_u64(!self.seed);
+        rng.set_stream(iteration.into());
+        // The last ends where the view does.
+        let first = rng.random_range(0..bands) * (height - rows) / (bands - 1);
+        Some(first..first + rows)
     }
 
     fn sources(&mut self, work: &Work) -> Result<Vec<SourceView>, GpuError> {

@@ -62,6 +62,7 @@ impl TrainConfig {
         self.sources.draw = Draw::Nearest;
         self.surface.publish();
         self.residual.factor = Some(1.0);
+        self.residual.bands = 1;
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;
         self.residual.output = Some(Output::Residual);

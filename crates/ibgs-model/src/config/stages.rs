@@ -28,6 +28,9 @@ pub struct SurfaceConfig {
     pub depth_memory: MemoryBudget,
 }
 
+/// Least rows of a band.
+const LEAST_BAND: u32 = 128;
+
 /// The residual network and its training (method.md sections 6 and 7).
 #[derive(Clone, Debug, PartialEq, Serialize, Deserialize)]
 #[serde(default, deny_unknown_fields, rename_all = "kebab-case")]
@@ -60,6 +63,9 @@ pub struct ResidualConfig {
     /// Size at which the network runs: 1, 0.5 or 0.25 of the image's; unset: the largest at which a frame takes less than about
     /// 50 ms, and 1 on a software adapter, in blocks, in runs that are `deterministic`, and with `init`.
     pub factor: Option<f64>,
+    /// Bands of rows of a training view, of which each iteration makes the final image of one, drawn at random: 1 to 8; 1: of the
+    /// whole view, as published. A band has 128 rows or more. A departure from method.md.
+    pub bands: u32,
     /// Number of members of the ensemble that have a network and a surface, 1 to `ensemble`: the final image has the mean of their
     /// residuals. A departure from method.md.
     pub networks: u32,
@@ -143,11 +149,18 @@ impl ResidualConfig {
         self.output.unwrap_or(if self.factor() < 1.0 { Output::Gated } else { Output::Residual })
     }
 
+    /// Bands of a view of this height, and rows of each: as many as all, where bands may overlap by some.
+    pub fn bands_of(&self, height: u32) -> (u32, u32) {
+        let bands = self.bands.min(height / LEAST_BAND).max(1);
+        (bands, height.div_ceil(bands))
+    }
+
     /// Which values make sense.
     pub(super) fn check(&self, check: &Check<'_>) -> Result<(), ConfigError> {
         let factor = self.factor();
         let known = [1.0, 0.5, 0.25].contains(&factor);
         check.require(known, "residual.factor", factor, "it must be 1, 0.5 or 0.25")?;
+        check.require((1..=8).contains(&self.bands), "residual.bands", self.bands, "it must lie between 1 and 8")?;
         let counted = self.halve_at.iter().flatten().all(|&iteration| iteration >= 1);
         check.require(counted, "residual.halve-at", "a list with 0", "iterations count from 1")?;
         check.numbers(
@@ -211,6 +224,7 @@ impl Default for ResidualConfig {
             dropout: 0.1,
             dropout_until: None,
             factor: None,
+            bands: 1,
             networks: 1,
             precision: Precision::Auto,
             output: None,

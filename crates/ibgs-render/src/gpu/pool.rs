@@ -30,16 +30,24 @@ impl<T> Pool<T> {
         Lease { value: Some(value), home: self.clone() }
     }
 
-    /// Hands out a returned value that `fits`, or a new one.
+    /// Hands out a returned value that `fits`; where none does, frees them all and hands out a new one.
     ///
     /// # Errors
     /// Those of `make`.
     pub fn lease_or<E>(
         self: &Arc<Self>,
-        fits: impl FnOnce(&T) -> bool,
+        fits: impl Fn(&T) -> bool,
         make: impl FnOnce() -> Result<T, E>,
     ) -> Result<Lease<T>, E> {
-        let value = self.take().filter(fits).map_or_else(make, Ok)?;
+        let mut returned = self.0.lock().expect("pool");
+        let value = match returned.iter().position(fits) {
+            Some(at) => returned.swap_remove(at),
+            None => {
+                returned.clear();
+                drop(returned);
+                make()?
+            }
+        };
         Ok(self.lease(value))
     }
 
@@ -53,6 +61,12 @@ impl<T> std::ops::Deref for Lease<T> {
     type Target = T;
     fn deref(&self) -> &T {
         self.value.as_ref().expect("held until dropped")
+    }
+}
+
+impl<T> std::ops::DerefMut for Lease<T> {
+    fn deref_mut(&mut self) -> &mut T {
+        self.value.as_mut().expect("held until dropped")
     }
 }
 

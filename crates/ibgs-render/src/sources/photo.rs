@@ -1,9 +1,10 @@
 //! Photos on the device.
 
 use crate::dataset::Photo;
-use crate::gpu::{Buffer, Gpu, GpuError};
+use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_shaders::TILE;
 use ibgs_shaders::types::LossParams;
+use std::ops::Range;
 use std::sync::Arc;
 
 /// What lies outside of a photo's mask, for the image loss; the other losses leave pixels with alpha under one half out.
@@ -43,6 +44,18 @@ impl DevicePhoto {
     /// Texels that are on the device, and the size of the photo they make.
     pub(crate) fn new(texels: Buffer<u32>, size: [u32; 2]) -> Self {
         Self { texels, size, outside: Outside::default(), held: Arc::default() }
+    }
+
+    /// Some of its rows, copied.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn of_rows(&self, gpu: &Gpu, pass: &mut Pass, rows: &Range<u32>) -> Result<Self, GpuError> {
+        let width = self.size[0] as usize;
+        let count = width * rows.len();
+        let texels = gpu.transient("rows of a photo", count)?;
+        pass.copy(&self.texels.part(width * rows.start as usize, count), &texels, 0, count);
+        Ok(Self { outside: self.outside, ..Self::new(texels, [self.size[0], rows.len() as u32]) })
     }
 
     /// What a kernel that compares with it needs.

@@ -10,6 +10,7 @@ use ibgs_shaders::bindings::{CameraWarpBindings, WarpBackwardBindings, WarpBindi
 use ibgs_shaders::types::{SourceParams, VisibleParams};
 use ibgs_shaders::{CAMERA_GROUPS, TILE};
 use serde::{Deserialize, Serialize};
+use std::ops::Range;
 use std::sync::Arc;
 
 /// A source view: its camera, its photo and its own median depth `[H * W]` (0 where it met nothing). The depth is data: no
@@ -195,19 +196,37 @@ impl Warper {
         &self.gpu
     }
 
-    fn scratch(&self, pixels: usize) -> Result<Seen, GpuError> {
-        if let Some(seen) = self.pool.take()
-            && seen.pixels >= pixels
-        {
-            return Ok(seen);
-        }
-        Ok(Seen {
-            visible: self.gpu.allocate("packed sources", pixels)?,
-            most_visible: self.gpu.allocate("packed sources", 4)?,
-            centers: self.gpu.allocate("source centres", MAX_SOURCES)?,
-            sources: 0,
-            pixels,
-        })
+    fn scratch(&self, pixels: usize) -> Result<Lease<Seen>, GpuError> {
+        let make = || {
+            Ok(Seen {
+                visible: self.gpu.allocate("packed sources", pixels)?,
+                most_visible: self.gpu.allocate("packed sources", 4)?,
+                centers: self.gpu.allocate("source centres", MAX_SOURCES)?,
+                sources: 0,
+                pixels,
+            })
+        };
+        self.pool.lease_or(|seen: &Seen| seen.pixels >= pixels, make)
+    }
+
+    /// Which sources the pixels of some rows see, copied from what those of the whole view do.
+    ///
+    /// # Errors
+    /// Not enough memory.
+    pub fn seen_in_rows(
+        &self,
+        pass: &mut Pass,
+        warped: &Warped,
+        rows: &Range<u32>,
+    ) -> Result<Arc<Lease<Seen>>, GpuError> {
+        let (width, whole) = (warped.surface.camera.width as usize, &warped.seen);
+        let count = width * rows.len();
+        let mut seen = self.scratch(count)?;
+        seen.sources = whole.sources;
+        pass.copy(&whole.visible.part(width * rows.start as usize, count), &seen.visible, 0, count);
+        pass.copy(&whole.most_visible, &seen.most_visible, 0, 4);
+        pass.copy(&whole.centers, &seen.centers, 0, MAX_SOURCES);
+        Ok(Arc::new(seen))
     }
 
     /// Memory for a view's warped colours, `[V, P, 4]`.
@@ -254,7 +273,8 @@ impl Warper {
         let surface = forward.surface().expect("warping needs a surface");
         assert!((1..=MAX_SOURCES).contains(&sources.len()), "warping needs one to {MAX_SOURCES} sources");
         let pixels = surface.camera.pixels();
-        let seen = Seen { sources: sources.len() as u32, ..self.scratch(pixels)? };
+        let mut seen = self.scratch(pixels)?;
+        seen.sources = sources.len() as u32;
         let from = |s: &SourceView| (surface.camera.center() - s.camera.center()).extend(0.0).as_vec4().to_array();
         let centers: Vec<[f32; 4]> = sources.iter().map(from).collect();
         self.gpu.write(&seen.centers, 0, &centers);
@@ -275,7 +295,7 @@ impl Warper {
             pass.grid(&buffers, &params, tiles(params.size));
             used.push((source.clone(), params));
         }
-        let seen = Arc::new(self.pool.lease(seen));
+        let seen = Arc::new(seen);
         let (visible, cameras) = (self.options.visible, forward.cameras.clone());
         Ok(Warped { colors, seen, visible, surface: surface.clone(), sources: used, cameras })
     }

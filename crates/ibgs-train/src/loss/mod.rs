@@ -48,8 +48,8 @@ pub struct LossInputs<'a> {
     pub cameras: Option<&'a CameraGradients>,
     /// The sources, where a loss or the final image reads them.
     pub warped: Option<&'a WarpedSources>,
-    /// The final image `[H, W, 3]`, once the residual has begun.
-    pub final_image: Option<&'a Tensor<3>>,
+    /// The final image `[h, W, 3]`, once the residual has begun, and its photo: of the view, or of a band of its rows.
+    pub final_image: Option<(&'a Tensor<3>, &'a DevicePhoto)>,
 }
 
 /// A part of the loss beside the image loss.

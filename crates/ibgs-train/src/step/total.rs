@@ -5,8 +5,8 @@ use super::iteration::Rendered;
 use crate::loss::{LossInputs, LossScratch, WarpedSources};
 use crate::stages::{FinalImage, FromSources, Work};
 use burn::tensor::Tensor;
-use ibgs_core::gpu::GpuError;
 use ibgs_core::gpu::pool::Lease;
+use ibgs_core::gpu::{GpuError, Pass};
 use std::sync::Arc;
 
 /// The whole loss of an iteration. burn adds its parts only when all are [submitted](ibgs_core::gpu::flush).
@@ -46,8 +46,14 @@ impl Trainer {
         let (base_loss, mut scratch) = self.loss.tracked(shown.clone(), target)?;
         let FromSources { warped, final_image } = self.read_sources(rendered)?;
         let (mut final_loss, mut network) = (None, None);
-        if let Some(FinalImage { image, network: leaf }) = &final_image {
-            let (loss, statistics) = self.loss.tracked(image.clone(), target)?;
+        let mut final_target = target.clone();
+        if let Some(FinalImage { image, rows, network: leaf }) = &final_image {
+            if let Some(rows) = rows {
+                let mut copy = Pass::new(&self.gpu, "rows of a photo");
+                final_target = target.of_rows(&self.gpu, &mut copy, rows)?;
+                copy.submit();
+            }
+            let (loss, statistics) = self.loss.tracked(image.clone(), &final_target)?;
             (final_loss, network, scratch) = (Some(loss), Some(leaf.clone()), statistics);
         }
         let inputs = LossInputs {
@@ -59,7 +65,7 @@ impl Trainer {
             surface: forward.surface().map(|surface| &***surface),
             cameras: forward.cameras.as_ref(),
             warped: warped.as_ref(),
-            final_image: final_image.as_ref().map(|made| &made.image),
+            final_image: final_image.as_ref().map(|made| (&made.image, &final_target)),
         };
         let others = self.losses.iter().filter_map(|loss| loss.of(&inputs).transpose()).collect::<Result<_, _>>()?;
         Ok(Total { base_loss, final_loss, others, scratch, network, warped })

@@ -19,7 +19,7 @@ struct Roughness {
 
 impl Loss for Roughness {
     fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
-        let image = inputs.final_image.unwrap_or(inputs.shown).clone();
+        let image = inputs.final_image.map_or(inputs.shown, |(image, _)| image).clone();
         let [height, _, _] = image.dims();
         let down = image.clone().narrow(0, 1, height - 1) - image.narrow(0, 0, height - 1);
         Ok(Some(down.abs().mean() * self.weight))
