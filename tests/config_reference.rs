@@ -1,6 +1,6 @@
 //! docs/config.md is what the options' types say. With IBGS_BLESS set it is written.
 
-use ibgs_core::config::{ExposureSwitch, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
+use ibgs_core::config::{AdamMoments, ExposureSwitch, Method, PoseSwitch, Strategy, TrainConfig, TransientSwitch};
 use ibgs_core::dataset::{Alpha, ColorSpace, InitialPoints, Masks, PrincipalPoint, Resampler};
 use ibgs_core::residual::{Aggregation, Output, Precision};
 use ibgs_core::sources::find::{Distances, Draw};
@@ -103,6 +103,7 @@ fn values(kind: &str) -> Option<String> {
         "Resolution" => return Some("number as text".to_owned()),
         "MemoryBudget" => return Some("`auto`, `none`, size".to_owned()),
         "Background" => return Some("`white`, `black`, `random`, `R,G,B`".to_owned()),
+        "AdamMoments" => words::<AdamMoments>(),
         "Method" => words::<Method>(),
         "Strategy" => return Some("one of the [strategies](#strategies)".to_owned()),
         "Resampler" => words::<Resampler>(),

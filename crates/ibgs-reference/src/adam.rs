@@ -1,4 +1,6 @@
-//! Twin of the optimiser step (method.md section 1): Adam with bias correction.
+//! Twin of the optimiser step (method.md section 1): Adam with bias correction, and its moments packed.
+
+use ibgs_shaders::{MOMENT2_BITS, MOMENTS_A_WORD};
 
 /// Settings of one step. The moments' decay rates are `beta1` and `beta2`; `eps` is added after the square root of
 /// the bias-corrected second moment.
@@ -30,4 +32,85 @@ impl Adam {
             value[i] = kept - self.learning_rate * (m[i] / correction1) / ((v[i] / correction2).sqrt() + self.eps);
         }
     }
+}
+
+/// Bits of a value's code, and of its first moment.
+const MOMENT_BITS: u32 = 32 / MOMENTS_A_WORD;
+const MOMENT1_BITS: u32 = MOMENT_BITS - MOMENT2_BITS;
+/// Largest code of the second moment's root, the binary logarithms of those of code 1 and of the largest, and their distance.
+const SCALE_MOST: f64 = ((1u32 << MOMENT2_BITS) - 1) as f64;
+const SCALE_FIRST: f64 = -44.0;
+const SCALE_STEP: f64 = (4.0 - SCALE_FIRST) / (SCALE_MOST - 1.0);
+/// Largest ratio of the first moment to that root, and its steps.
+const RATIO_MOST: f64 = 7.3;
+const RATIO_STEPS: f64 = ((1u32 << (MOMENT1_BITS - 1)) - 1) as f64;
+
+fn hash(value: u32) -> u32 {
+    let state = value.wrapping_mul(747_796_405).wrapping_add(2_891_336_453);
+    let word = ((state >> ((state >> 28) + 4)) ^ state).wrapping_mul(277_803_737);
+    (word >> 22) ^ word
+}
+
+/// The 32 random bits of each value of a word in a step.
+pub fn random_bits(word: u32, step: u32) -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(hash(word ^ hash(step))), |&bits| Some(hash(bits)))
+}
+
+/// Of 16 bits, between 0 and 1.
+fn unit(bits: u32) -> f64 {
+    (f64::from(bits & 0xffff) + 0.5) / 65536.0
+}
+
+/// First and second moment of value `k` of a word.
+pub fn unpack(word: u32, k: u32) -> [f64; 2] {
+    let code = word >> (k * MOMENT_BITS);
+    let scale = match code & ((1 << MOMENT2_BITS) - 1) {
+        0 => 0.0,
+        code => (SCALE_FIRST + (f64::from(code) - 1.0) * SCALE_STEP).exp2(),
+    };
+    // The sign of the ratio comes from its top bit.
+    let steps = f64::from((code << (32 - MOMENT_BITS)) as i32 >> (32 - MOMENT1_BITS)) / RATIO_STEPS;
+    [RATIO_MOST * steps * steps.abs() * scale, scale * scale]
+}
+
+/// A rounding: the code below, and the part of the way to the next.
+#[derive(Clone, Copy, Debug)]
+pub struct Rounding {
+    pub below: f64,
+    pub part: f64,
+}
+
+impl Rounding {
+    fn rounded(self, bits: u32) -> f64 {
+        self.below + if unit(bits) < self.part { 1.0 } else { 0.0 }
+    }
+}
+
+/// How the second moment is rounded.
+pub fn scale_rounding(second: f64) -> Rounding {
+    let square = |code: f64| (2.0 * (SCALE_FIRST + (code - 1.0) * SCALE_STEP)).exp2();
+    if second < square(1.0) {
+        return Rounding { below: 0.0, part: second / square(1.0) };
+    }
+    let below = (1.0 + ((second.sqrt().log2() - SCALE_FIRST) / SCALE_STEP).floor()).min(SCALE_MOST - 1.0);
+    Rounding { below, part: (second - square(below)) / (square(below + 1.0) - square(below)) }
+}
+
+/// How the first moment's size is rounded beside the code of the second.
+pub fn ratio_rounding(first: f64, scale_code: f64) -> Rounding {
+    let scale = (SCALE_FIRST + (scale_code - 1.0) * SCALE_STEP).exp2();
+    let squared = (first.abs() / scale / RATIO_MOST).min(1.0) * RATIO_STEPS * RATIO_STEPS;
+    let below = squared.sqrt().floor().min(RATIO_STEPS - 1.0);
+    Rounding { below, part: (squared - below * below) / (2.0 * below + 1.0) }
+}
+
+/// The code of first and second moment, rounded by 32 random bits.
+pub fn pack([first, second]: [f64; 2], bits: u32) -> u32 {
+    let scale_code = scale_rounding(second).rounded(bits);
+    if scale_code == 0.0 {
+        return 0;
+    }
+    let steps = ratio_rounding(first, scale_code).rounded(bits >> 16) as i32;
+    let signed = (if first < 0.0 { -steps } else { steps }) as u32;
+    scale_code as u32 | (signed << MOMENT2_BITS) & (u32::MAX >> (32 - MOMENT_BITS))
 }

@@ -4,11 +4,13 @@ use std::f64::consts::PI;
 
 use glam::DVec3;
 
-use ibgs_reference::adam::Adam;
+use ibgs_reference::adam::{Adam, pack, random_bits, unpack};
 use ibgs_reference::finite::assert_gradient;
 use ibgs_reference::image_loss::{image_loss, image_loss_backward, l1, ssim, ssim_map, window};
 use ibgs_reference::random_scene::random_image;
 use ibgs_reference::{sh, sort};
+use rand::{Rng, SeedableRng};
+use rand_chacha::ChaCha8Rng;
 
 const SIZE: (usize, usize) = (17, 13);
 
@@ -134,6 +136,36 @@ fn clamped_colours_pass_nothing() {
     assert!(sh::color(&coefficients, 0, DVec3::Z)[0] < 0.0);
     assert_eq!(v_sh[0], 0.0);
     assert!((v_sh[1] - 0.28209479177387814).abs() < 1e-15);
+}
+
+/// Steps of 1000 values by noisy gradients, all or one of twenty of them: those with packed moments are as long, on average.
+#[test]
+fn packed_moments_keep_the_steps() {
+    let adam = Adam::gaussians(1.0);
+    for visited in [1.0, 0.05] {
+        let mut rng = ChaCha8Rng::seed_from_u64(6);
+        let (mut products, mut squares, mut means) = (0.0, 0.0, [0.0; 2]);
+        for value in 0..1000 {
+            let mean = rng.random_range(-1e-6..1e-6);
+            let (mut exact, mut packed, mut word) = ([0.0; 3], [0.0; 3], 0);
+            for step in 1..=1000 {
+                let seen = rng.random_range(0.0..1.0) < visited;
+                let gradient = [if seen { mean + rng.random_range(-2e-6..2e-6) } else { 0.0 }];
+                [packed[1], packed[2]] = unpack(word, 0);
+                for state in [&mut exact, &mut packed] {
+                    let [at, m, v] = state.each_mut().map(std::slice::from_mut);
+                    adam.step(step, at, &gradient, m, v);
+                }
+                word = pack([packed[1], packed[2]], random_bits(value, step).next().unwrap());
+            }
+            products += exact[0] * packed[0];
+            squares += exact[0] * exact[0];
+            means = [means[0] + exact[2], means[1] + packed[2]];
+        }
+        let (way, second) = (products / squares, means[1] / means[0]);
+        assert!((0.98..1.04).contains(&way), "{way} of the way");
+        assert!((second - 1.0).abs() < 0.02, "{second} of the second moments");
+    }
 }
 
 #[test]

@@ -1,7 +1,7 @@
 //! Opacity clamped from above.
 #set train
 #stage other
-// One thread a Gaussian: opacity clamped from above, Adam moments cleared (method.md section 7).
+// One thread a Gaussian: opacity clamped from above (method.md section 7).
 #import index
 
 /// Opacity reset.
@@ -15,8 +15,6 @@ struct OpacityResetParams {
 var<immediate> params: OpacityResetParams;
 
 @group(0) @binding(0) var<storage, read_write> opacity_logits: array<f32>;
-@group(0) @binding(1) var<storage, read_write> moment1: array<f32>;
-@group(0) @binding(2) var<storage, read_write> moment2: array<f32>;
 
 @compute @workgroup_size(256)
 fn main(
@@ -29,6 +27,4 @@ fn main(
         return;
     }
     opacity_logits[i] = min(opacity_logits[i], params.limit);
-    moment1[i] = 0.0;
-    moment2[i] = 0.0;
 }

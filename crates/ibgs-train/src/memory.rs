@@ -10,7 +10,7 @@
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (60 + 12 C) N |
-//! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
+//! | optimiser | (28 + 4 ceil(3 C / 2) {+ 12}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
@@ -22,12 +22,15 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 //!
+//! With full moments the optimiser has 2 (44 + 12 C {+ 16}) N in place of the first.
+//!
 //! The network's are those of float32, the most that any precision takes.
 
 mod needs;
 
 pub use needs::{DoesNotFit, MemoryLimit, Need, Needs};
 
+use crate::optim::{moment_names, moment_words};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::{ExposureSwitch, Method, TrainConfig, TransientSwitch};
 use ibgs_core::dataset::CellMask;
@@ -201,9 +204,12 @@ impl Estimate {
         for ((what, values), trained) in sizes.tensors().zip(PerGaussian::with_gradients(image_based)).into_array() {
             self.add("Gaussians", what, 4 * values * n, 1);
             self.add("gradients", what, 4 * values * n, u64::from(trained));
-            self.add("optimiser", what, 4 * values * n, 2 * u64::from(trained));
-            let again = if trained { 3 } else { 1 };
-            self.add("densification", what, 4 * values * n, if grows { again } else { 0 });
+            self.add("densification", what, 4 * values * n, u64::from(grows));
+            let moments = demand.config.adam.moments;
+            let bytes = 4 * n * moment_words(moments, values as usize) as u64;
+            let buffers = if trained { moment_names(moments).len() as u64 } else { 0 };
+            self.add("optimiser", what, bytes, buffers);
+            self.add("densification", what, bytes, if grows { buffers } else { 0 });
         }
         self.add("gradients", "screen positions", 16 * n, 2);
         self.add("optimiser", "densification statistics", 16 * n, 1);

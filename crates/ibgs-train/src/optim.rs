@@ -1,12 +1,15 @@
-//! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place.
+//! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place. Moments of the
+//! Gaussians are packed in 16 bits a value unless the options say otherwise.
 
 use crate::autodiff::SplatGradients;
 use crate::tensor::{bind, primitive};
 use burn_cubecl::tensor::CubeTensor;
-use ibgs_core::config::{AdamConfig, Method, TrainConfig};
+use bytemuck::Pod;
+use ibgs_core::config::{AdamConfig, AdamMoments, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
-use ibgs_shaders::bindings::{AdamBindings, FiniteBindings, OpacityResetBindings};
+use ibgs_shaders::MOMENTS_A_WORD;
+use ibgs_shaders::bindings::{AdamBindings, AdamPackedBindings, FiniteBindings, OpacityResetBindings};
 use ibgs_shaders::types::{AdamParams, CountParams, OpacityResetParams};
 
 /// Rates of one step, three a tensor: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
@@ -33,10 +36,29 @@ impl Rates {
     }
 }
 
+/// A name in checkpoints for each buffer of a tensor's moments.
+pub(super) fn moment_names(moments: AdamMoments) -> &'static [&'static str] {
+    match moments {
+        AdamMoments::Full => &["first", "second"],
+        AdamMoments::Packed => &["moments"],
+    }
+}
+
+/// Words of each of those buffers for a Gaussian with `row` values.
+pub(super) fn moment_words(moments: AdamMoments, row: usize) -> usize {
+    match moments {
+        AdamMoments::Full => row,
+        AdamMoments::Packed => row.div_ceil(MOMENTS_A_WORD as usize),
+    }
+}
+
 /// One parameter tensor with its moments.
 pub(super) struct Learned {
     pub parameter: Buffer<f32>,
-    pub moments: [Buffer<f32>; 2],
+    /// How the moments are kept.
+    pub form: AdamMoments,
+    /// As [`moment_names`]; words are float32 or packed.
+    pub moments: Vec<Buffer<u32>>,
     /// Number of values and values a Gaussian.
     pub count: usize,
     pub row: usize,
@@ -44,9 +66,15 @@ pub(super) struct Learned {
 
 impl Learned {
     /// Moments at zero for a parameter with `row` values a Gaussian.
-    fn new(gpu: &Gpu, (parameter, count, row): (Buffer<f32>, usize, usize)) -> Result<Self, GpuError> {
-        let moment = || gpu.allocate("Adam moments", count.max(1));
-        Ok(Self { parameter, moments: [moment()?, moment()?], count, row })
+    fn new(
+        gpu: &Gpu,
+        (parameter, count, row): (Buffer<f32>, usize, usize),
+        form: AdamMoments,
+    ) -> Result<Self, GpuError> {
+        let mut learned = Self { parameter, form, moments: Vec::new(), count, row };
+        let moment = |_: &&str| gpu.allocate("Adam moments", learned.words().max(1));
+        learned.moments = moment_names(form).iter().map(moment).collect::<Result<_, _>>()?;
+        Ok(learned)
     }
 
     /// Records the count of the parameter's values that are not finite.
@@ -56,15 +84,20 @@ impl Learned {
         pass.linear(&buffers, &CountParams { count: self.count as u32 }, self.count);
     }
 
+    /// Words of each buffer of moments.
+    fn words(&self) -> usize {
+        self.count / self.row * moment_words(self.form, self.row)
+    }
+
     /// Reads the moments back.
-    fn read(&self, gpu: &Gpu) -> Result<[Vec<f32>; 2], GpuError> {
-        let [first, second] = &self.moments;
-        Ok([gpu.read(first, self.count)?, gpu.read(second, self.count)?])
+    fn read(&self, gpu: &Gpu) -> Result<Vec<Vec<u32>>, GpuError> {
+        self.moments.iter().map(|moment| gpu.read(moment, self.words())).collect()
     }
 
     /// Puts moments in place of its own.
-    fn restore(&mut self, gpu: &Gpu, [first, second]: &[Vec<f32>; 2]) -> Result<(), GpuError> {
-        self.moments = [gpu.upload("Adam moments", first)?, gpu.upload("Adam moments", second)?];
+    fn restore<T: Pod>(&mut self, gpu: &Gpu, moments: &[Vec<T>]) -> Result<(), GpuError> {
+        let uploaded = moments.iter().map(|moment| gpu.upload("Adam moments", bytemuck::cast_slice(moment)));
+        self.moments = uploaded.collect::<Result<_, _>>()?;
         Ok(())
     }
 
@@ -90,10 +123,20 @@ impl Learned {
             correction1: correction(config.beta1),
             correction2: correction(config.beta2),
             decay_rest: decay_rest as f32,
+            step: steps as u32,
         };
-        let [moment1, moment2] = &self.moments;
-        let buffers = AdamBindings { gradient: &gradient, values: &self.parameter, moment1, moment2 };
-        pass.linear(&buffers, &params, self.count);
+        let values = &self.parameter;
+        match &self.moments[..] {
+            [moments] => {
+                let buffers = AdamPackedBindings { gradient: &gradient, values, moments };
+                pass.linear(&buffers, &params, self.words());
+            }
+            [first, second] => {
+                let (moment1, moment2) = (&first.cast(), &second.cast());
+                pass.linear(&AdamBindings { gradient: &gradient, values, moment1, moment2 }, &params, self.count);
+            }
+            _ => unreachable!("as many as there are names"),
+        }
         // Else burn could take its memory for something new before the pass is submitted.
         pass.keep(gradient);
     }
@@ -112,7 +155,7 @@ impl TensorOptimizer {
     /// # Errors
     /// Not enough memory.
     pub fn new(gpu: &Gpu, parameter: &Buffer<f32>, count: usize, config: AdamConfig) -> Result<Self, GpuError> {
-        Ok(Self { tensor: Learned::new(gpu, (parameter.clone(), count, 1))?, config, steps: 0 })
+        Ok(Self { tensor: Learned::new(gpu, (parameter.clone(), count, 1), config.moments)?, config, steps: 0 })
     }
 
     pub(super) fn record_check(&self, pass: &mut Pass, broken: &Buffer<u32>) {
@@ -125,7 +168,8 @@ impl TensorOptimizer {
 
     /// Moments and number of steps; waits for the GPU.
     pub(super) fn state(&self, gpu: &Gpu) -> Result<([Vec<f32>; 2], i32), GpuError> {
-        Ok((self.tensor.read(gpu)?, self.steps))
+        let read = |which: usize| gpu.read(&self.tensor.moments[which].cast(), self.tensor.count);
+        Ok(([read(0)?, read(1)?], self.steps))
     }
 
     /// Continues from moments and number of steps.
@@ -142,8 +186,8 @@ impl TensorOptimizer {
     }
 }
 
-/// First and second moments of the parameters, on the host; none of those that are not trained.
-pub type Moments = PerGaussian<Option<[Vec<f32>; 2]>>;
+/// The words of the parameters' moments, on the host, by the names of their buffers; none of those that are not trained.
+pub type Moments = PerGaussian<Option<Vec<Vec<u32>>>>;
 
 /// First and second moments of every parameter, and the parameters' own memory.
 pub struct Optimizer {
@@ -167,9 +211,10 @@ impl Optimizer {
     /// Not enough memory.
     pub fn new(gpu: &Gpu, splats: &Splats, config: AdamConfig, method: Method) -> Result<Self, GpuError> {
         let trained = PerGaussian::with_gradients(method == Method::Ibgs);
+        let learned = |parameter| Learned::new(gpu, parameter, config.moments);
         let tensors = parameters(splats)
             .zip(trained)
-            .try_map(|(parameter, is_trained)| is_trained.then(|| Learned::new(gpu, parameter)).transpose())?;
+            .try_map(|(parameter, is_trained)| is_trained.then(|| learned(parameter)).transpose())?;
         Ok(Self { tensors, config, steps: [0; 2] })
     }
 
@@ -198,9 +243,10 @@ impl Optimizer {
     }
 
     /// The same optimiser for a model whose rows were rearranged, with its moments.
-    pub(super) fn rearranged(&self, splats: &Splats, moments: PerGaussian<Option<[Buffer<f32>; 2]>>) -> Self {
+    pub(super) fn rearranged(&self, splats: &Splats, moments: PerGaussian<Option<Vec<Buffer<u32>>>>) -> Self {
+        let form = self.config.moments;
         let tensors = parameters(splats).zip(moments).map(|((parameter, count, row), moments)| {
-            moments.map(|moments| Learned { parameter, moments, count, row })
+            moments.map(|moments| Learned { parameter, form, moments, count, row })
         });
         Self { tensors, config: self.config.clone(), steps: self.steps }
     }
@@ -225,9 +271,35 @@ impl Optimizer {
         let tensor = self.tensors.opacity_logits.as_ref().expect("opacities are trained");
         let params = OpacityResetParams { count: tensor.count as u32, limit: (limit / (1.0 - limit)).ln() as f32 };
         let mut pass = Pass::new(gpu, "opacity reset");
-        let [moment1, moment2] = &tensor.moments;
-        let buffers = OpacityResetBindings { opacity_logits: &tensor.parameter, moment1, moment2 };
-        pass.linear(&buffers, &params, tensor.count);
+        pass.linear(&OpacityResetBindings { opacity_logits: &tensor.parameter }, &params, tensor.count);
+        tensor.moments.iter().for_each(|moment| pass.clear(moment));
         pass.submit();
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::bench::synthetic;
+    use crate::parameters::Parameters;
+    use ibgs_reference::gpu::gpu;
+
+    #[test]
+    fn an_opacity_reset_clears_the_moments_of_opacities_alone() {
+        let gpu = gpu();
+        let parameters = Parameters::upload(&synthetic(5, 1, 8, 8).0, &gpu).unwrap();
+        for moments in [AdamMoments::Full, AdamMoments::Packed] {
+            let config = AdamConfig { moments, ..AdamConfig::default() };
+            let mut optimizer = Optimizer::new(&gpu, parameters.splats(), config, Method::Ibgs).unwrap();
+            let (zero, _) = optimizer.state(&gpu).unwrap();
+            let filled = zero.map(|tensor| tensor.map(|buffers| buffers.iter().map(|b| vec![7; b.len()]).collect()));
+            optimizer.restore(&gpu, &filled, [3, 2]).unwrap();
+            optimizer.reset_opacity(&gpu, 0.01);
+            let (kept, steps) = optimizer.state(&gpu).unwrap();
+            assert_eq!(steps, [3, 2]);
+            let opacities = kept.opacity_logits.iter().flatten().flatten();
+            assert!(opacities.copied().eq(vec![0; 5 * moment_names(moments).len()]), "{moments:?}");
+            assert_eq!(PerGaussian { opacity_logits: None, ..kept }, PerGaussian { opacity_logits: None, ..filled });
+        }
     }
 }

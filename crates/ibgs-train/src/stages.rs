@@ -11,7 +11,7 @@ use crate::tensor::primitive;
 use burn::tensor::{Gradients, Tensor};
 use ibgs_core::camera::Camera;
 use ibgs_core::config::schedule::Schedule;
-use ibgs_core::config::{AdamConfig, ResidualConfig, TrainConfig};
+use ibgs_core::config::{AdamConfig, AdamMoments, ResidualConfig, TrainConfig};
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::raster::{Forward, RasterView, Rasterizer, Room};
@@ -94,7 +94,8 @@ impl ImageStages {
         let candidates = |(index, camera): (usize, &Camera)| finder.neighbours(camera, Some(index));
         let network = NetworkParameters::init(gpu, &options.variant, config.seed)?;
         let residual = &config.residual;
-        let adam = AdamConfig { beta1: residual.beta1, beta2: residual.beta2, epsilon: residual.epsilon };
+        let (beta1, beta2, epsilon) = (residual.beta1, residual.beta2, residual.epsilon);
+        let adam = AdamConfig { beta1, beta2, epsilon, moments: AdamMoments::Full };
         Ok(Self {
             neighbours: scene_cameras.iter().enumerate().map(candidates).collect(),
             seed: config.seed,

@@ -4,8 +4,8 @@ use crate::dataset::LoadOptions;
 
 use super::schedule::REFERENCE_ITERATIONS;
 use super::{
-    AdamConfig, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, PoseConfig, ResidualConfig,
-    SourceOptions, SurfaceConfig, TrainConfig, TransientConfig, WARM_ITERATIONS,
+    AdamConfig, AdamMoments, DensifyConfig, ExposureConfig, LearningRates, Method, OpacityResetConfig, PoseConfig,
+    ResidualConfig, SourceOptions, SurfaceConfig, TrainConfig, TransientConfig, WARM_ITERATIONS,
 };
 
 impl Default for TrainConfig {
@@ -96,6 +96,6 @@ impl Default for LearningRates {
 
 impl Default for AdamConfig {
     fn default() -> Self {
-        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-15 }
+        Self { beta1: 0.9, beta2: 0.999, epsilon: 1e-15, moments: AdamMoments::default() }
     }
 }

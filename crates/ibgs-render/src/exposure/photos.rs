@@ -151,6 +151,7 @@ impl PhotoExposures {
             correction1: correction(self.adam.beta1),
             correction2: correction(self.adam.beta2),
             decay_rest: 0.0,
+            step: self.steps[photo] as u32,
         };
         let bindings = AdamBindings { gradient, values: &values, moment1: &first, moment2: &second };
         pass.linear(&bindings, &params, 4 * ROWS);

@@ -4,7 +4,8 @@
 //! Bytes: each input is read once and each output written once. Operations: floating-point ones, a multiply-add counts
 //! as two. With N Gaussians of C coefficients a channel, n of them with tiles in the view, I tile intersections, T
 //! tiles, P pixels, B pairs of pixel and Gaussian, M sources, V visible sources a pixel of which A are
-//! there somewhere, F numbers of a source, K medians,
+//! there somewhere, F numbers of a source, K medians, m words of Adam's moments in a
+//! Gaussian,
 //! p pixels of the network (p / 4 and p / 16 stand for the sizes halved and rounded down), and W weights:
 //!
 //! | stage | bytes | operations |
@@ -32,7 +33,7 @@
 //! | blend backward | 48 n + 8 I + 8 T + 20 P + 48 I; with surface also 16 n + (20 + 20 K) P + 16 I | 14 B |
 //! | planes backward | 56 n + 16 I + 24 n + 16 N | 80 n |
 //! | project backward | 60 N + 40 n + 12 C n + 48 I + (60 + 12 C) N | (400 + 20 C) n |
-//! | Adam | 28 a value: 11 + 3 C a Gaussian, with planes 4 more, and W | 14 a value |
+//! | Adam | 12 a value of the 11 + 3 C of a Gaussian, with planes 4 more, and 8 m N; 28 W | 14 a value |
 //!
 //! What was assumed:
 //! - sort: the lists are sorted in workgroup memory; merges of long lists and integer operations are not counted.
@@ -45,9 +46,12 @@
 
 use super::rates::Rates;
 use super::stage::{Stage, Work};
+use crate::optim::{moment_names, moment_words};
+use ibgs_core::config::AdamMoments;
 use ibgs_core::residual::layers::{
     DEC1, DEC2, ENC1, ENC2, ENC3, FEATURES, FINAL, FUSE, HIDDEN, INPUT, Layer, UP1, UP2, WEIGHTS,
 };
+use ibgs_core::scene::PerGaussian;
 use serde::{Deserialize, Serialize};
 
 /// What the stages of a view have to do; the letters are those of the module's table.
@@ -59,6 +63,8 @@ pub struct Load {
     pub gaussians_in_view: u64,
     /// C: spherical-harmonics coefficients a channel.
     pub coefficients: u64,
+    /// How Adam keeps the Gaussians' moments.
+    pub moments: AdamMoments,
     /// I: tile intersections, read back.
     pub intersections: u64,
     /// T: tiles.
@@ -146,6 +152,15 @@ impl Load {
         Floor::new((44.0 + bytes * coefficients) * seen + 56.0 * all, (200.0 + 10.0 * coefficients) * seen)
     }
 
+    /// Words of Adam's moments of a Gaussian.
+    fn moment_words(&self, work: Work) -> f64 {
+        let rows = PerGaussian::rows(self.coefficients as usize);
+        let each = rows.zip(PerGaussian::with_gradients(work.is_image_based())).into_array().into_iter();
+        let words =
+            each.map(|(row, is_trained)| usize::from(is_trained) * moment_words(self.moments, row)).sum::<usize>();
+        (moment_names(self.moments).len() * words) as f64
+    }
+
     fn sort(&self) -> Floor {
         let [n, seen, i, t] =
             [self.gaussians, self.gaussians_in_view, self.intersections, self.tiles].map(|count| count as f64);
@@ -185,8 +200,9 @@ impl Load {
                 Floor::new(read + (60.0 + 12.0 * c) * n, (400.0 + 20.0 * c) * seen)
             }
             Stage::Adam => {
-                let values = (11.0 + 3.0 * c + 4.0 * surface) * n + surface * WEIGHTS as f64;
-                Floor::new(28.0 * values, 14.0 * values)
+                let (values, weights) = ((11.0 + 3.0 * c + 4.0 * surface) * n, surface * WEIGHTS as f64);
+                let bytes = 12.0 * values + 8.0 * self.moment_words(work) * n + 28.0 * weights;
+                Floor::new(bytes, 14.0 * (values + weights))
             }
             other => return self.image_floor(work, other),
         })
@@ -245,6 +261,7 @@ mod tests {
             gaussians: 1000,
             gaussians_in_view: 600,
             coefficients: 16,
+            moments: AdamMoments::Packed,
             intersections: 3000,
             tiles: 300,
             pixels: 64 * 48,

@@ -116,6 +116,7 @@ fn load(gpu: &Gpu, raster: &Rasterizer, splats: &Splats, setting: &Setting) -> R
         gaussians: gaussians.len() as u64,
         gaussians_in_view: counts.iter().filter(|&&count| count > 0).count() as u64,
         coefficients: gaussians.sh_coefficients() as u64,
+        moments: config.adam.moments,
         intersections: forward.intersections(gpu)?,
         tiles: u64::from(camera.width.div_ceil(TILE)) * u64::from(camera.height.div_ceil(TILE)),
         pixels: pixels as u64,

@@ -100,8 +100,8 @@ pub(super) fn views(
 pub(super) fn options(method: Method, model: &TrainConfig) -> TrainConfig {
     let usual = TrainConfig::default();
     let sources = SourceOptions { used: model.sources.used, visible: model.sources.visible, ..usual.sources };
-    let (surface, residual) = (model.surface.clone(), model.residual.clone());
-    let mut config = TrainConfig { method, sources, surface, residual, ..usual };
+    let (adam, surface, residual) = (model.adam.clone(), model.surface.clone(), model.residual.clone());
+    let mut config = TrainConfig { method, sources, adam, surface, residual, ..usual };
     (config.iterations, config.sh_interval, config.densify.end) = (Some(1_000_000), Some(1), Some(1));
     config.learning_rates.mean_initial = 1e-9;
     config.learning_rates.mean_final = 1e-9;

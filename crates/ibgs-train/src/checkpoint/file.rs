@@ -31,11 +31,11 @@ impl Checkpoint {
     /// Writes the checkpoint in one atomic step: a ZIP archive without compression, whose checksums show damage.
     ///
     /// ```text
-    /// checkpoint.json   {"format": 8, "version": "0.1.0", "scene": checksum of cameras, names and photos}
+    /// checkpoint.json   {"format": 9, "version": "0.1.0", "scene": checksum of cameras, names and photos}
     /// config.toml       the options
     /// state.json        iteration, random state, order of the views, exposures ...
     /// run.json          times, curves and measurements so far
-    /// tensors/NAME      float32, little endian: parameters, moments, statistics, network, depth maps, what moves
+    /// tensors/NAME      float32, little endian: parameters, statistics, network, depth maps, what moves; moments also as words
     /// member_2/...      all of this but the first of a further member of an ensemble
     /// ```
     ///
@@ -58,12 +58,13 @@ impl Checkpoint {
         add(CONFIG, self.config.to_text().map_err(io::Error::other)?.as_bytes())?;
         add(STATE, &serde_json::to_vec(&self.state)?)?;
         add(RUN, &serde_json::to_vec(&self.run)?)?;
-        for (name, values) in self.tensors() {
+        let tensors = self.tensors().into_iter().map(|(name, values)| (name, bytemuck::cast_slice(values)));
+        for (name, words) in tensors.chain(self.moments()) {
             let little: Vec<u32>;
             let bytes = match cfg!(target_endian = "little") {
-                true => bytemuck::cast_slice(values),
+                true => bytemuck::cast_slice(words),
                 false => {
-                    little = values.iter().map(|v| v.to_bits().to_le()).collect();
+                    little = words.iter().map(|word: &u32| word.to_le()).collect();
                     bytemuck::cast_slice(&little)
                 }
             };

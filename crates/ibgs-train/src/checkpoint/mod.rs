@@ -2,11 +2,11 @@
 
 mod file;
 
-use super::optim::Moments;
+use super::optim::{Moments, moment_names, moment_words};
 use super::refining::RefinementState;
 use super::telemetry::{RecorderState, Telemetry};
 use super::transients::Masking;
-use ibgs_core::config::TrainConfig;
+use ibgs_core::config::{AdamMoments, TrainConfig};
 use ibgs_core::exposure::{Exposure, ExposureState};
 use ibgs_core::files::WriteError;
 use ibgs_core::local_space::LocalSpace;
@@ -23,7 +23,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 8;
+pub const FORMAT: u32 = 9;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]
@@ -126,7 +126,7 @@ pub struct Checkpoint {
     pub members: Vec<Self>,
     /// What the program keeps besides: times, curves, measurements.
     pub run: serde_json::Value,
-    /// First and second moments of the parameters that are trained.
+    /// Moments of the parameters that are trained.
     pub(super) moments: Moments,
     /// Four values a Gaussian.
     pub(super) statistics: Vec<f32>,
@@ -154,18 +154,27 @@ impl Checkpoint {
         self.state.exposure.iter().flatten().all(ExposureState::is_finite)
             && self.state.poses.iter().all(RefinementState::is_finite)
             && self.tensors().iter().all(|(_, values)| values.iter().all(|v| v.is_finite()))
+            && self.moments().iter().all(|(_, words)| self.are_finite(words))
             && self.members.iter().all(Self::is_finite)
     }
 
-    /// All tensors by name.
+    /// Whether these words of moments are; those that are packed always are.
+    fn are_finite(&self, words: &[u32]) -> bool {
+        self.config.adam.moments == AdamMoments::Packed || words.iter().all(|&word| f32::from_bits(word).is_finite())
+    }
+
+    /// The words of the Gaussians' moments by name.
+    fn moments(&self) -> Vec<(String, &[u32])> {
+        let names = moment_names(self.config.adam.moments);
+        let each = PerGaussian::KEYS.zip(self.moments.as_ref()).into_array().into_iter();
+        let named = each.flat_map(|(name, moments)| names.iter().zip(moments.iter().flatten()).map(move |m| (name, m)));
+        named.map(|(name, (which, words))| (format!("{name}.{which}"), &words[..])).collect()
+    }
+
+    /// All other tensors by name.
     fn tensors(&self) -> Vec<(String, &[f32])> {
         let named = PerGaussian::KEYS.zip(self.gaussians.values()).into_array();
         let mut all: Vec<(String, &[f32])> = named.map(|(name, values)| (name.to_owned(), values)).into();
-        for (name, moments) in PerGaussian::KEYS.zip(self.moments.as_ref()).into_array() {
-            if let Some([first, second]) = moments {
-                all.extend([(format!("{name}.first"), &first[..]), (format!("{name}.second"), &second[..])]);
-            }
-        }
         all.push(("statistics".to_owned(), &self.statistics[..]));
         if let Some(NetworkState { weights, moments: [first, second], .. }) = &self.network {
             all.extend(
@@ -185,12 +194,16 @@ impl Checkpoint {
     ) -> Result<Self, E> {
         let n = state.gaussians;
         let rows = PerGaussian::rows((state.sh_degree as usize + 1).pow(2));
-        let sized = PerGaussian::KEYS.zip(rows.map(|row| row * n));
-        let values = sized.try_map(|(name, count)| tensor(name, count))?;
+        let sized = PerGaussian::KEYS.zip(rows);
+        let values = sized.try_map(|(name, row)| tensor(name, row * n))?;
         let trained = PerGaussian::with_gradients(state.network_steps.is_some());
-        let moments = sized.zip(trained).try_map(|((name, count), is_trained)| {
-            let mut moment = |which| tensor(&format!("{name}.{which}"), count);
-            is_trained.then(|| Ok([moment("first")?, moment("second")?])).transpose()
+        let form = config.adam.moments;
+        let moments = sized.zip(trained).try_map(|((name, row), is_trained)| {
+            let mut moment = |which: &&str| {
+                let words = tensor(&format!("{name}.{which}"), n * moment_words(form, row))?;
+                Ok(words.into_iter().map(f32::to_bits).collect())
+            };
+            is_trained.then(|| moment_names(form).iter().map(&mut moment).collect()).transpose()
         })?;
         let network = match state.network_steps {
             None => None,

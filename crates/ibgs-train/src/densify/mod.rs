@@ -16,7 +16,7 @@ pub use default::Growth;
 pub use mcmc::Mcmc;
 pub use published::Published;
 
-use super::optim::Optimizer;
+use super::optim::{Optimizer, moment_words};
 use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
 use crate::tensor::{self, bind, bind_rows, primitive};
@@ -272,20 +272,20 @@ pub fn apply(
     let (n, splats) = (plan.sources.len(), parameters.splats());
     let sources = gpu.upload("densification plan", &plan.sources)?;
     let mut pass = Pass::new(gpu, "densify");
-    let mut gather = |from: &Buffer<f32>, to: &Buffer<f32>, row: usize, fresh_zero: u32| {
+    let mut gather = |from: &Buffer<u32>, to: &Buffer<u32>, row: usize, fresh_zero: u32| {
         let params = GatherParams { count: (n * row) as u32, row: row as u32, fresh_zero, pad: 0 };
         let buffers = DensifyGatherBindings { sources: &sources, previous: from, next: to };
         pass.linear(&buffers, &params, n * row);
     };
     let moments = optimizer.tensors().as_ref().try_map(|tensor| {
         let Some(tensor) = tensor else { return Ok(None) };
-        let mut gathered = |from: &Buffer<f32>| -> Result<Buffer<f32>, GpuError> {
-            let to = gpu.allocate("Adam moments", (n * tensor.row).max(1))?;
-            gather(from, &to, tensor.row, 1);
-            Ok(to)
-        };
-        let [first, second] = &tensor.moments;
-        Ok::<_, GpuError>(Some([gathered(first)?, gathered(second)?]))
+        let words = moment_words(tensor.form, tensor.row);
+        let gathered = tensor.moments.iter().map(|from| {
+            let to = gpu.allocate("Adam moments", (n * words).max(1))?;
+            gather(from, &to, words, 1);
+            Ok::<_, GpuError>(to)
+        });
+        gathered.collect::<Result<Vec<_>, _>>().map(Some)
     })?;
     let planned = PerGaussian {
         means: Some(plan.means.into_flattened()),
@@ -299,7 +299,7 @@ pub fn apply(
         Some(values) => tensor::upload(gpu, name, &values, &[n * row]),
         None => {
             let to = tensor::empty(gpu, name, &[n * row])?;
-            gather(from, &bind(&to), row, 0);
+            gather(&from.cast(), &bind(&to).cast(), row, 0);
             Ok(to)
         }
     })?;

@@ -1,10 +1,11 @@
-//! Adam against its twin.
+//! Adam against its twin, with full moments and packed.
 
 use ibgs_core::gpu::Pass;
-use ibgs_reference::adam::Adam;
+use ibgs_reference::adam::{Adam, Rounding, pack, random_bits, ratio_rounding, scale_rounding, unpack};
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::bindings::AdamBindings;
+use ibgs_shaders::bindings::{AdamBindings, AdamPackedBindings};
 use ibgs_shaders::types::AdamParams;
+use ibgs_shaders::{MOMENT2_BITS, MOMENTS_A_WORD};
 use rand::{Rng, SeedableRng};
 use rand_chacha::ChaCha8Rng;
 
@@ -19,46 +20,61 @@ fn the_rest_of_a_row_decays() {
     follows_the_twin(8.0);
 }
 
+const RATES: [f64; 2] = [2.5e-3, 1.25e-4];
+/// Values of a row, an odd number, and those with the first rate.
+const ROW: u32 = 27;
+const HEAD: u32 = 3;
+
+fn params(count: usize, step: i32, decay: f64) -> AdamParams {
+    AdamParams {
+        count: count as u32,
+        row: ROW,
+        head: HEAD,
+        rate: RATES[0] as f32,
+        rate_rest: RATES[1] as f32,
+        beta1: 0.9,
+        beta2: 0.999,
+        eps: 1e-15,
+        correction1: (1.0 / (1.0 - 0.9f64.powi(step))) as f32,
+        correction2: (1.0 / (1.0 - 0.999f64.powi(step))) as f32,
+        decay_rest: decay as f32,
+        step: step as u32,
+    }
+}
+
+/// Gradients over many orders of magnitude, zero among them.
+fn gradient(n: usize, rng: &mut ChaCha8Rng) -> Vec<f32> {
+    (0..n)
+        .map(|i| if i % 7 == 0 { 0.0 } else { rng.random_range(-1.0..1.0f32) * 10f32.powi(-(i as i32 % 12)) })
+        .collect()
+}
+
+/// The twin of a value in column `i` of all rows.
+fn twin_of(i: usize, decay: f64) -> Adam {
+    let is_rest = i as u32 % ROW >= HEAD;
+    Adam { decay: if is_rest { decay } else { 0.0 }, ..Adam::gaussians(RATES[usize::from(is_rest)]) }
+}
+
 fn follows_the_twin(decay: f64) {
     let gpu = gpu();
     let mut rng = ChaCha8Rng::seed_from_u64(3);
-    let (n, row, head) = (5 * 27, 27, 3);
+    let n = 5 * ROW as usize;
     let start: Vec<f32> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
     let mut twin: Vec<f64> = start.iter().copied().map(f64::from).collect();
     let (mut m, mut v) = (vec![0.0; n], vec![0.0; n]);
     let values = gpu.upload("values", &start).unwrap();
     let moments = [gpu.allocate("m", n).unwrap(), gpu.allocate("v", n).unwrap()];
-    let rates = [2.5e-3, 1.25e-4];
     for step in 1..=20i32 {
-        // Gradients over many orders of magnitude, zero among them.
-        let gradient: Vec<f32> = (0..n)
-            .map(|i| if i % 7 == 0 { 0.0 } else { rng.random_range(-1.0..1.0f32) * 10f32.powi(-(i as i32 % 12)) })
-            .collect();
-        let params = AdamParams {
-            count: n as u32,
-            row,
-            head,
-            rate: rates[0] as f32,
-            rate_rest: rates[1] as f32,
-            beta1: 0.9,
-            beta2: 0.999,
-            eps: 1e-15,
-            correction1: (1.0 / (1.0 - 0.9f64.powi(step))) as f32,
-            correction2: (1.0 / (1.0 - 0.999f64.powi(step))) as f32,
-            decay_rest: decay as f32,
-        };
+        let gradient = gradient(n, &mut rng);
         let input = gpu.upload("gradient", &gradient).unwrap();
         let mut pass = Pass::new(&gpu, "test");
         let [moment1, moment2] = &moments;
-        pass.linear(&AdamBindings { gradient: &input, values: &values, moment1, moment2 }, &params, n);
+        pass.linear(&AdamBindings { gradient: &input, values: &values, moment1, moment2 }, &params(n, step, decay), n);
         pass.submit();
         for i in 0..n {
-            let is_rest = i as u32 % row >= head;
-            let adam =
-                Adam { decay: if is_rest { decay } else { 0.0 }, ..Adam::gaussians(rates[usize::from(is_rest)]) };
             let at = i..i + 1;
             let gradient = [f64::from(gradient[i])];
-            adam.step(step as u32, &mut twin[at.clone()], &gradient, &mut m[at.clone()], &mut v[at]);
+            twin_of(i, decay).step(step as u32, &mut twin[at.clone()], &gradient, &mut m[at.clone()], &mut v[at]);
         }
     }
     let ours = gpu.read(&values, n).unwrap();
@@ -68,9 +84,75 @@ fn follows_the_twin(decay: f64) {
         assert!(error <= 1e-5 * moved + 3e-7, "value {i}: {a} against {b}, moved {moved:e}");
         if i % 7 != 0 {
             assert!(moved > 0.0, "value {i} must move");
-        } else if i as u32 % row >= head {
-            let kept = (1.0 - rates[1] * decay).powi(20);
+        } else if i as u32 % ROW >= HEAD {
+            let kept = (1.0 - RATES[1] * decay).powi(20);
             assert!((b - kept * f64::from(start[i])).abs() < 1e-12, "value {i} has no gradient and only decays");
         }
     }
+}
+
+/// Every step begins with the moments that the kernel left, so that one other rounding does not change all that follows.
+#[test]
+fn packed_steps_follow_the_twin() {
+    let gpu = gpu();
+    let mut rng = ChaCha8Rng::seed_from_u64(4);
+    let (rows, decay) = (40, 8.0);
+    let (n, words) = (rows * ROW as usize, ROW.div_ceil(MOMENTS_A_WORD));
+    let start: Vec<f32> = (0..n).map(|_| rng.random_range(-1.0..1.0)).collect();
+    let values = gpu.upload("values", &start).unwrap();
+    let moments = gpu.allocate("moments", rows * words as usize).unwrap();
+    let (mut codes, mut close, mut kept) = (0, 0, vec![0u32; moments.rows()]);
+    for step in 1..=30 {
+        let gradient = gradient(n, &mut rng);
+        let before = gpu.read(&values, n).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        let buffers = AdamPackedBindings {
+            gradient: &gpu.upload("gradient", &gradient).unwrap(),
+            values: &values,
+            moments: &moments,
+        };
+        pass.linear(&buffers, &params(n, step, decay), moments.rows());
+        pass.submit();
+        let (after, next) = (gpu.read(&values, n).unwrap(), gpu.read(&moments, moments.rows()).unwrap());
+        for i in 0..n {
+            let (line, column) = (i as u32 / ROW, i as u32 % ROW);
+            let (word, k) = (line * words + column / MOMENTS_A_WORD, column % MOMENTS_A_WORD);
+            let [mut m, mut v] = unpack(kept[word as usize], k);
+            let mut value = f64::from(before[i]);
+            let each = std::slice::from_mut;
+            twin_of(i, decay).step(step as u32, each(&mut value), &[gradient[i].into()], each(&mut m), each(&mut v));
+            let (moved, error) = ((value - f64::from(before[i])).abs(), (value - f64::from(after[i])).abs());
+            assert!(
+                error <= 3e-5 * moved + 1e-7,
+                "step {step}, value {i}: {} against {value}, moved {moved:e}",
+                after[i]
+            );
+            let bits = random_bits(word, step as u32).nth(k as usize).unwrap();
+            codes += 1;
+            match unpack(next[word as usize], k) == unpack(pack([m, v], bits), 0) {
+                true => {}
+                false if is_close([m, v], bits) => close += 1,
+                false => panic!("step {step}, value {i}: {m:e} and {v:e} became {:?}", unpack(next[word as usize], k)),
+            }
+        }
+        // The words' unused part stays empty.
+        let last = next.iter().skip(words as usize - 1).step_by(words as usize);
+        assert!(MOMENTS_A_WORD == 1 || last.copied().all(|word| word >> 16 == 0));
+        kept = next;
+    }
+    assert!(50 * close < codes, "{close} of {codes} are rounded otherwise");
+    assert!(kept.iter().any(|word| word & ((1 << MOMENT2_BITS) - 1) > 1));
+}
+
+/// Whether float32 may round these moments otherwise: a random number lies close to a threshold, or a code's step to the next.
+fn is_close([m, v]: [f64; 2], bits: u32) -> bool {
+    let near = |Rounding { part, .. }: Rounding, bits: u32| {
+        let random = (f64::from(bits & 0xffff) + 0.5) / 65536.0;
+        (random - part).abs() < 2e-3 || !(2e-3..1.0 - 2e-3).contains(&part)
+    };
+    let second = scale_rounding(v);
+    let up = near(second, bits);
+    up || (0..2).any(|more| {
+        second.below + f64::from(more) > 0.0 && near(ratio_rounding(m, second.below + f64::from(more)), bits >> 16)
+    })
 }

@@ -66,13 +66,13 @@ fn the_largest_gradient_over_the_views_is_kept() {
 fn rows_are_gathered_and_new_moments_are_zero() {
     let gpu = gpu();
     let p = random_params(9, 1, 3);
-    let previous: Vec<f32> = p.sh.iter().map(|v| *v as f32).collect();
+    let previous: Vec<u32> = p.sh.iter().map(|v| (*v as f32).to_bits()).collect();
     let row = previous.len() / 9;
     let from = gpu.upload("from", &previous).unwrap();
     let sources = [8u32, 0, FRESH | 4, 4];
     let list = gpu.upload("sources", &sources).unwrap();
     for fresh_zero in [0, 1] {
-        let to = gpu.upload("to", &vec![f32::NAN; 4 * row]).unwrap();
+        let to = gpu.upload("to", &vec![u32::MAX; 4 * row]).unwrap();
         let params = GatherParams { count: 4 * row as u32, row: row as u32, fresh_zero, pad: 0 };
         let mut pass = Pass::new(&gpu, "test");
         let buffers = DensifyGatherBindings { sources: &list, previous: &from, next: &to };
@@ -82,7 +82,7 @@ fn rows_are_gathered_and_new_moments_are_zero() {
         for (k, source) in sources.iter().enumerate() {
             let fresh = source & FRESH != 0 && fresh_zero == 1;
             let at = (source & !FRESH) as usize * row;
-            let expected: Vec<f32> = previous[at..at + row].iter().map(|v| if fresh { 0.0 } else { *v }).collect();
+            let expected: Vec<u32> = previous[at..at + row].iter().map(|v| if fresh { 0 } else { *v }).collect();
             assert_eq!(ours[k * row..(k + 1) * row], expected, "row {k}, fresh_zero {fresh_zero}");
         }
     }

@@ -1,0 +1,47 @@
+// Adam with bias correction (method.md section 1), eps added to the corrected root. The values beyond the head decay by
+// themselves, not through the gradient (Loshchilov and Hutter, Decoupled Weight Decay Regularization, 2019).
+
+/// One Adam step of one tensor.
+struct AdamParams {
+    /// Number of values.
+    count: u32,
+    /// Values a row.
+    row: u32,
+    /// Leading values of a row that step with `rate`.
+    head: u32,
+    /// Learning rate of the head.
+    rate: f32,
+    /// Learning rate of the rest of the row.
+    rate_rest: f32,
+    /// Decay of the first moment.
+    beta1: f32,
+    /// Decay of the second moment.
+    beta2: f32,
+    /// Added to the root of the corrected second moment.
+    eps: f32,
+    /// 1 / (1 - beta1^t).
+    correction1: f32,
+    /// 1 / (1 - beta2^t).
+    correction2: f32,
+    /// Share of a value of the rest that is lost, times its rate.
+    decay_rest: f32,
+    /// t, the number of the step from 1.
+    step: u32,
+}
+
+var<immediate> params: AdamParams;
+
+// Both moments after the gradient g.
+fn adam_moments(m: vec2<f32>, g: f32) -> vec2<f32> {
+    let m1 = params.beta1 * m.x + (1.0 - params.beta1) * g;
+    let m2 = params.beta2 * m.y + (1.0 - params.beta2) * g * g;
+    return vec2(m1, m2);
+}
+
+// A value of a column of its row after the step.
+fn adam_value(value: f32, column: u32, m: vec2<f32>) -> f32 {
+    let is_head = column < params.head;
+    let rate = select(params.rate_rest, params.rate, is_head);
+    let kept = select(1.0 - rate * params.decay_rest, 1.0, is_head);
+    return kept * value - rate * (m.x * params.correction1) / (sqrt(m.y * params.correction2) + params.eps);
+}
