@@ -52,7 +52,7 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
         random(&v.median_depth, pixels);
         random(&v.intersections.cast(), medians);
     }
-    let rows = PerGaussian::rows(model.sh_coefficients());
+    let rows = PerGaussian::gradient_rows();
     let is_there = PerGaussian::with_gradients(view.surface.is_some());
     let parameters = rows.zip(is_there).map(|(row, is_there)| is_there.then(|| buffer(row * n)));
     let v = RasterGradients { parameters, screen: buffer(4 * n).cast() };

@@ -3,7 +3,8 @@
 #stage project backward
 // One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
 // sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance). In between the threads
-// share the workgroup's coefficients, one after the other as they lie in memory.
+// share the workgroup's coefficients, one after the other as they lie in memory. The gradient of the coefficients is the basis times
+// that of the colour; only the latter is written.
 #import index
 #import frame
 #import room
@@ -22,7 +23,8 @@
 @group(0) @binding(8) var<storage, read_write> v_rotations: array<vec4<f32>>;
 @group(0) @binding(9) var<storage, read_write> v_log_scales: array<f32>;
 @group(0) @binding(10) var<storage, read_write> v_opacity_logits: array<f32>;
-@group(0) @binding(11) var<storage, read_write> v_sh: array<f32>;
+/// By the colour.
+@group(0) @binding(11) var<storage, read_write> v_colors: array<f32>;
 /// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
 @group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
 
@@ -30,9 +32,9 @@ const THREADS: u32 = 128u;
 // Coefficients of a Gaussian, and one so that lanes read different banks.
 const ROW: u32 = 17u;
 
-// Basis values of each Gaussian, then the coefficients' weights in the gradient by the direction.
-var<workgroup> basis_values: array<f32, ROW * THREADS>;
-var<workgroup> v_colors: array<vec3<f32>, THREADS>;
+// Weights of each Gaussian's coefficients in the gradient by the direction.
+var<workgroup> weights: array<f32, ROW * THREADS>;
+var<workgroup> group_colors: array<vec3<f32>, THREADS>;
 
 fn store_zero(g: u32) {
     for (var c = 0u; c < 3u; c++) {
@@ -44,23 +46,18 @@ fn store_zero(g: u32) {
     v_screen[g] = vec4(0.0);
 }
 
-// Writes the gradient of the coefficients of the workgroup's Gaussians, of which `first` is the first, and leaves their weights.
-fn coefficients_backward(local: u32, first: u32) {
+// Leaves the weights of the coefficients of the workgroup's Gaussians, of which `first` is the first.
+fn weigh_coefficients(local: u32, first: u32) {
     let all = frame.sh_coefficients;
     let active_count = sh_count(frame.sh_degree);
     for (var k = local; k < all * min(THREADS, frame.count - first); k += THREADS) {
         let in_group = k / all;
         let c = k % all;
-        let v_color = v_colors[in_group];
+        let v_color = group_colors[in_group];
         let at = 3u * (first * all + k);
-        var v = vec3(0.0);
         if c < active_count && any(v_color != vec3(0.0)) {
-            v = basis_values[ROW * in_group + c] * v_color;
-            basis_values[ROW * in_group + c] = dot(v_color, vec3(sh[at], sh[at + 1u], sh[at + 2u]));
+            weights[ROW * in_group + c] = dot(v_color, vec3(sh[at], sh[at + 1u], sh[at + 2u]));
         }
-        v_sh[at] = v.x;
-        v_sh[at + 1u] = v.y;
-        v_sh[at + 2u] = v.z;
     }
 }
 
@@ -68,9 +65,9 @@ fn coefficients_backward(local: u32, first: u32) {
 fn direction_backward(local: u32, offset: vec3<f32>) -> vec3<f32> {
     let direction = normalize(offset);
     var v_direction = vec3(0.0);
-    if any(v_colors[local] != vec3(0.0)) {
+    if any(group_colors[local] != vec3(0.0)) {
         for (var c = 0u; c < sh_count(frame.sh_degree); c++) {
-            v_direction += basis_values[ROW * local + c] * sh_basis_gradient(direction, c);
+            v_direction += weights[ROW * local + c] * sh_basis_gradient(direction, c);
         }
     }
     return along_sphere(offset, v_direction);
@@ -103,18 +100,18 @@ fn main(
     let g = first + local;
     let overflow = ran_out_of_room();
     let counts = g < frame.count && !overflow && tile_counts[g] != 0u;
-    v_colors[local] = vec3(0.0);
+    group_colors[local] = vec3(0.0);
     if counts {
         let color = projected[3u * g + 2u].rgb;
-        v_colors[local] = select(vec3(0.0), v_rotations[g].rgb, color > vec3(0.0));
-        let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
-        let basis = sh_basis(normalize(mean - frame.center), frame.sh_degree);
-        #repeat c 16
-        basis_values[ROW * local + $cu] = basis[$c];
-        #end
+        group_colors[local] = select(vec3(0.0), v_rotations[g].rgb, color > vec3(0.0));
+    }
+    if g < frame.count {
+        for (var c = 0u; c < 3u; c++) {
+            v_colors[3u * g + c] = group_colors[local][c];
+        }
     }
     workgroupBarrier();
-    coefficients_backward(local, first);
+    weigh_coefficients(local, first);
     workgroupBarrier();
     if !counts {
         if g < frame.count {

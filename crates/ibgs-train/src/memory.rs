@@ -11,7 +11,7 @@
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (60 + 12 C) N |
 //! | optimiser | (28 + 4 ceil(3 C / 2) {+ 12}) N, 16 N of statistics {, 8 a weight of the network} |
-//! | gradients | (60 + 12 C {+ 16}) N, 16 N of placeholders |
+//! | gradients | (72 {+ 16}) N |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
@@ -201,9 +201,10 @@ impl Estimate {
 
     fn add_gaussians(&mut self, sizes: &Sizes, demand: &Demand) {
         let (n, grows, image_based) = (sizes.n, demand.grows, demand.config.method == Method::Ibgs);
-        for ((what, values), trained) in sizes.tensors().zip(PerGaussian::with_gradients(image_based)).into_array() {
+        let gradients = PerGaussian::gradient_rows().zip(PerGaussian::with_gradients(image_based));
+        for ((what, values), (gradient, trained)) in sizes.tensors().zip(gradients).into_array() {
             self.add("Gaussians", what, 4 * values * n, 1);
-            self.add("gradients", what, 4 * values * n, u64::from(trained));
+            self.add("gradients", what, 4 * gradient as u64 * n, u64::from(trained));
             self.add("densification", what, 4 * values * n, u64::from(grows));
             let moments = demand.config.adam.moments;
             let bytes = 4 * n * moment_words(moments, values as usize) as u64;
@@ -211,7 +212,7 @@ impl Estimate {
             self.add("optimiser", what, bytes, buffers);
             self.add("densification", what, bytes, if grows { buffers } else { 0 });
         }
-        self.add("gradients", "screen positions", 16 * n, 2);
+        self.add("gradients", "screen positions", 16 * n, 1);
         self.add("optimiser", "densification statistics", 16 * n, 1);
         if image_based {
             self.add("optimiser", "network", 4 * WEIGHTS as u64, 2);

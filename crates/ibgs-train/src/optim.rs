@@ -9,8 +9,11 @@ use ibgs_core::config::{AdamConfig, AdamMoments, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
 use ibgs_shaders::MOMENTS_A_WORD;
-use ibgs_shaders::bindings::{AdamBindings, AdamPackedBindings, FiniteBindings, OpacityResetBindings};
-use ibgs_shaders::types::{AdamParams, CountParams, OpacityResetParams};
+use ibgs_shaders::bindings::{
+    AdamBindings, AdamHarmonicsBindings, AdamPackedBindings, AdamPackedHarmonicsBindings, FiniteBindings,
+    OpacityResetBindings,
+};
+use ibgs_shaders::types::{AdamParams, CountParams, OpacityResetParams, ViewUniforms};
 
 /// Rates of one step, three a tensor: of the leading values of a row, of the rest (the spherical harmonics beyond the constant), and
 /// the share of the rest that is lost, times its rate.
@@ -101,7 +104,8 @@ impl Learned {
         Ok(())
     }
 
-    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest` and the decay.
+    /// Records step number `steps`: the first three values of a row with one rate, the others with `rate_rest` and the decay. The
+    /// gradient is by these values, or, of `harmonics`, by the colours.
     fn record_step(
         &self,
         pass: &mut Pass,
@@ -109,6 +113,7 @@ impl Learned {
         config: &AdamConfig,
         [rate, rate_rest, decay_rest]: [f64; 3],
         steps: i32,
+        harmonics: Option<Directions>,
     ) {
         let correction = |beta: f64| (1.0 / (1.0 - beta.powi(steps))) as f32;
         let params = AdamParams {
@@ -124,22 +129,44 @@ impl Learned {
             correction2: correction(config.beta2),
             decay_rest: decay_rest as f32,
             step: steps as u32,
+            center: harmonics.map_or([0.0; 3], |of| of.view.center),
+            sh_degree: harmonics.map_or(0, |of| of.view.sh_degree),
         };
-        let values = &self.parameter;
-        match &self.moments[..] {
-            [moments] => {
-                let buffers = AdamPackedBindings { gradient: &gradient, values, moments };
-                pass.linear(&buffers, &params, self.words());
-            }
-            [first, second] => {
-                let (moment1, moment2) = (&first.cast(), &second.cast());
-                pass.linear(&AdamBindings { gradient: &gradient, values, moment1, moment2 }, &params, self.count);
-            }
-            _ => unreachable!("as many as there are names"),
-        }
+        self.launch(pass, &gradient, &params, harmonics.map(|of| of.means));
         // Else burn could take its memory for something new before the pass is submitted.
         pass.keep(gradient);
     }
+
+    /// Records the kernel of its form; with `means` the values are spherical harmonics.
+    fn launch(&self, pass: &mut Pass, gradient: &Buffer<f32>, params: &AdamParams, means: Option<&Buffer<f32>>) {
+        let values = &self.parameter;
+        match (&self.moments[..], means) {
+            ([moments], None) => {
+                pass.linear(&AdamPackedBindings { gradient, values, moments }, params, self.words());
+            }
+            ([moments], Some(means)) => {
+                let buffers = AdamPackedHarmonicsBindings { gradient, values, moments, means };
+                pass.linear(&buffers, params, self.words());
+            }
+            ([first, second], None) => {
+                let (moment1, moment2) = (&first.cast(), &second.cast());
+                pass.linear(&AdamBindings { gradient, values, moment1, moment2 }, params, self.count);
+            }
+            ([first, second], Some(means)) => {
+                let (moment1, moment2) = (&first.cast(), &second.cast());
+                let buffers = AdamHarmonicsBindings { gradient, values, moment1, moment2, means };
+                pass.linear(&buffers, params, self.count);
+            }
+            _ => unreachable!("as many as there are names"),
+        }
+    }
+}
+
+/// Where the directions come from in which Gaussians show their spherical harmonics.
+#[derive(Clone, Copy)]
+struct Directions<'a> {
+    means: &'a Buffer<f32>,
+    view: &'a ViewUniforms,
 }
 
 /// Adam for a single tensor with one rate: the residual network's weights.
@@ -182,7 +209,7 @@ impl TensorOptimizer {
     pub fn record_step(&mut self, pass: &mut Pass, gradient: &CubeTensor, rate: f64) {
         self.steps += 1;
         pass.relabel("adam");
-        self.tensor.record_step(pass, bind(gradient), &self.config, [rate, rate, 0.0], self.steps);
+        self.tensor.record_step(pass, bind(gradient), &self.config, [rate, rate, 0.0], self.steps, None);
     }
 }
 
@@ -251,17 +278,20 @@ impl Optimizer {
         Self { tensors, config: self.config.clone(), steps: self.steps }
     }
 
-    /// Records one step of every parameter that has a gradient.
-    pub fn record_step(&mut self, pass: &mut Pass, gradients: SplatGradients, rates: &Rates) {
+    /// Records one step of every parameter that has a gradient; they come from this view.
+    pub fn record_step(&mut self, pass: &mut Pass, gradients: SplatGradients, rates: &Rates, view: &ViewUniforms) {
         let gradients = gradients.parameters.map(|gradient| gradient.map(primitive));
         self.steps[0] += 1;
         self.steps[1] += i32::from(gradients.normals.is_some());
         pass.relabel("adam");
-        let each = self.tensors.as_ref().zip(gradients).zip(rates.0).zip(PerGaussian::OF_PLANE);
-        for (((tensor, gradient), rates), of_plane) in each.into_array() {
+        let means = &self.tensors.means.as_ref().expect("means are trained").parameter;
+        let harmonics = PerGaussian { sh: Some(Directions { means, view }), ..PerGaussian::default() };
+        let each = self.tensors.as_ref().zip(gradients).zip(rates.0).zip(PerGaussian::OF_PLANE).zip(harmonics);
+        // The means last: directions are those of the view, before this step.
+        for ((((tensor, gradient), rates), of_plane), harmonics) in each.into_array().into_iter().rev() {
             if let (Some(tensor), Some(gradient)) = (tensor, gradient) {
                 let steps = self.steps[usize::from(of_plane)];
-                tensor.record_step(pass, bind(&gradient), &self.config, rates, steps);
+                tensor.record_step(pass, bind(&gradient), &self.config, rates, steps, harmonics);
             }
         }
     }
@@ -282,6 +312,7 @@ mod tests {
     use super::*;
     use crate::bench::synthetic;
     use crate::parameters::Parameters;
+    use crate::tensor::{empty, from_primitive, upload};
     use ibgs_reference::gpu::gpu;
 
     #[test]
@@ -300,6 +331,36 @@ mod tests {
             let opacities = kept.opacity_logits.iter().flatten().flatten();
             assert!(opacities.copied().eq(vec![0; 5 * moment_names(moments).len()]), "{moments:?}");
             assert_eq!(PerGaussian { opacity_logits: None, ..kept }, PerGaussian { opacity_logits: None, ..filled });
+        }
+    }
+
+    /// The spherical harmonics step by the directions before the means' step, however far that goes.
+    #[test]
+    fn coefficients_step_by_the_view_that_their_gradient_is_of() {
+        let gpu = gpu();
+        let (gaussians, _) = synthetic(5, 2, 8, 8);
+        let view = ViewUniforms { sh_degree: 2, ..bytemuck::Zeroable::zeroed() };
+        for moments in [AdamMoments::Full, AdamMoments::Packed] {
+            let stepped = [0.0, 9.0].map(|rate| {
+                let parameters = Parameters::upload(&gaussians, &gpu).unwrap();
+                let adam = AdamConfig { moments, ..AdamConfig::default() };
+                let config = TrainConfig { adam, ..TrainConfig::default() };
+                let mut optimizer =
+                    Optimizer::new(&gpu, parameters.splats(), config.adam.clone(), Method::Ibgs).unwrap();
+                let gradient = |row: usize| {
+                    let values: Vec<f32> = (0..5 * row).map(|i| (i as f32).sin()).collect();
+                    Some(from_primitive(upload(&gpu, "gradient", &values, &[5 * row]).unwrap()))
+                };
+                let screen = from_primitive(empty(&gpu, "screen", &[5, 4]).unwrap());
+                let mut pass = Pass::new(&gpu, "test");
+                let gradients = SplatGradients { parameters: PerGaussian::gradient_rows().map(gradient), screen };
+                optimizer.record_step(&mut pass, gradients, &Rates::new(&config, rate, 1.0), &view);
+                pass.submit();
+                parameters.splats().download(&gpu).unwrap()
+            });
+            let [still, moved] = &stepped;
+            assert!(still.means == gaussians.means && moved.means != gaussians.means);
+            assert!(still.sh == moved.sh && still.sh != gaussians.sh, "{moments:?}");
         }
     }
 }

@@ -1,6 +1,7 @@
 //! Models as a training has them, and their gradients under burn's autodiff, in the shapes of the twins.
 
 use burn::tensor::{Tensor, TensorData};
+use glam::DVec3;
 use ibgs_core::camera_change::CameraChange;
 use ibgs_core::raster::{CameraGradients, RasterView};
 use ibgs_core::scene::PerGaussian;
@@ -8,8 +9,8 @@ use ibgs_core::sources::{WarpOptions, Warper};
 use ibgs_reference::geometry_backward::Cotangents;
 use ibgs_reference::gpu::{floats, gaussians, gpu, rasterizer, scene_gaussians, source_view};
 use ibgs_reference::surface_scene::{Scene, TENSORS};
-use ibgs_reference::{Params, Tensor as Name};
-use ibgs_train::autodiff::{self, Leaves};
+use ibgs_reference::{Params, Tensor as Name, sh};
+use ibgs_train::autodiff::{self, Leaves, SplatGradients};
 use ibgs_train::parameters::Parameters;
 use ibgs_train::tensor::device;
 
@@ -21,6 +22,21 @@ pub fn parameters(p: &Params) -> Parameters {
 /// Values of a tensor.
 pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
     tensor.into_data().try_into_vec::<f32>().unwrap().into_iter().map(f64::from).collect()
+}
+
+/// The gradients in the shapes of the twin: by the coefficients of the spherical harmonics in place of the colours.
+pub fn by_parameters(g: SplatGradients, p: &Params, view: &RasterView) -> PerGaussian<Option<Vec<f64>>> {
+    let gradients = g.parameters.map(|gradient| gradient.map(values));
+    let active = (view.sh_degree as usize + 1).pow(2);
+    let by_coefficients = |(v, mean): (&[f64], &[f64; 3])| {
+        let basis = sh::basis((DVec3::from(*mean) - view.camera.center()).normalize());
+        // Without a gradient the mean may be no number.
+        let counts = |k: usize| k < active && v.iter().any(|v| *v != 0.0);
+        let each = (0..p.sh_coefficients()).map(|k| if counts(k) { basis[k] } else { 0.0 });
+        each.flat_map(|basis| [0, 1, 2].map(|c| basis * v[c])).collect::<Vec<_>>()
+    };
+    let sh = gradients.sh.as_ref().map(|v| v.chunks_exact(3).zip(&p.means).flat_map(by_coefficients).collect());
+    PerGaussian { sh, ..gradients }
 }
 
 /// Gradients of `sum(cotangent * image)` on the GPU, in the twin's order, and the screen-space ones, [N, 4].
@@ -71,7 +87,8 @@ fn gradients_with(
     let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
     let mut grads = (image * cotangent).sum().backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    GpuGradients { tensors: g.parameters.map(|gradient| gradient.map(values)), screen: values(g.screen) }
+    let screen = values(g.screen.clone());
+    GpuGradients { tensors: by_parameters(g, p, view), screen }
 }
 
 /// A scene's model as a training has it.
@@ -144,9 +161,10 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
     let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let screen = values(g.screen);
+    let screen = values(g.screen.clone());
     let pair = |from: usize| screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect::<Vec<_>>();
-    let parameters = g.parameters.map(|gradient| values(gradient.expect("a surface has plane gradients")));
+    let parameters =
+        by_parameters(g, &scene.params, view).map(|gradient| gradient.expect("a surface has plane gradients"));
     let pairs = [("xy_pixels", pair(0)), ("xy_pixels_abs", pair(2))];
     let grads = TENSORS.into_iter().zip(parameters.into_array()).chain(pairs).collect();
     GpuSurface { outputs, source, error, most_visible, grads, cameras: cameras.read(&gpu).unwrap() }

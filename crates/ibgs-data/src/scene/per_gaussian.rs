@@ -109,4 +109,10 @@ impl PerGaussian<usize> {
     pub fn rows(coefficients: usize) -> Self {
         Self { means: 3, rotations: 4, log_scales: 3, opacity_logits: 1, sh: 3 * coefficients, normals: 3, offsets: 1 }
     }
+
+    /// Numbers in a row of the gradients. That of the spherical harmonics is by the colour: by a coefficient it is this times the
+    /// basis in the direction of the view.
+    pub fn gradient_rows() -> Self {
+        Self::rows(1)
+    }
 }

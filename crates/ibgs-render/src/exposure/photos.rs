@@ -152,6 +152,8 @@ impl PhotoExposures {
             correction2: correction(self.adam.beta2),
             decay_rest: 0.0,
             step: self.steps[photo] as u32,
+            center: [0.0; 3],
+            sh_degree: 0,
         };
         let bindings = AdamBindings { gradient, values: &values, moment1: &first, moment2: &second };
         pass.linear(&bindings, &params, 4 * ROWS);

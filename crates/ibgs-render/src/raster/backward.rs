@@ -14,7 +14,7 @@ use ibgs_shaders::bindings::{
 /// Where the gradients of one backward pass go, float32; contents before are overwritten.
 #[derive(Clone, Debug)]
 pub struct RasterGradients {
-    /// By the raw parameters, in their shapes. Those of the planes are there where the pass has a surface.
+    /// By the raw parameters, in rows of [`PerGaussian::gradient_rows`]. Those of the planes are there where the pass has a surface.
     pub parameters: PerGaussian<Option<Buffer<f32>>>,
     /// (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels, `[N, 4]`.
     pub screen: Buffer<[f32; 4]>,
@@ -225,7 +225,7 @@ impl Forward {
         let planes = surface.map(|(_, (normals, offsets))| [normals, offsets]);
         self.record_sums(pass, splats.count, base, planes);
         self.record_camera(pass, splats, base, planes);
-        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen } = base;
+        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors, v_screen } = base;
         let project = ProjectBackwardBindings {
             means,
             rotations: &splats.rotations(),
@@ -238,7 +238,7 @@ impl Forward {
             v_rotations,
             v_log_scales,
             v_opacity_logits,
-            v_sh,
+            v_colors,
             v_screen,
         };
         pass.linear(&project, &self.frame, splats.count);
@@ -267,7 +267,7 @@ struct Base<'a> {
     v_rotations: &'a Buffer<[f32; 4]>,
     v_log_scales: &'a Buffer<f32>,
     v_opacity_logits: &'a Buffer<f32>,
-    v_sh: &'a Buffer<f32>,
+    v_colors: &'a Buffer<f32>,
     v_screen: &'a Buffer<[f32; 4]>,
 }
 
@@ -277,12 +277,12 @@ impl<'a> Base<'a> {
             means: Some(v_means),
             log_scales: Some(v_log_scales),
             opacity_logits: Some(v_opacity_logits),
-            sh: Some(v_sh),
+            sh: Some(v_colors),
             ..
         } = &v.parameters
         else {
             unreachable!("the base has gradients")
         };
-        Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_sh, v_screen: &v.screen }
+        Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors, v_screen: &v.screen }
     }
 }

@@ -16,14 +16,15 @@ const PARENTS: usize = PerGaussian::KINDS + 1;
 pub struct Leaves {
     /// The raw parameters, each of one dimension.
     parameters: PerGaussian<Tensor<1>>,
-    /// `[N, 4]`: its gradient holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
+    /// Without values: its gradient, `[N, 4]`, holds (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels.
     screen: Tensor<2>,
     splats: Splats,
 }
 
 /// Gradients of one backward pass.
 pub struct SplatGradients {
-    /// By the raw parameters, each of one dimension; those of the planes are none without a surface.
+    /// By the raw parameters, each of one dimension, in rows of [`PerGaussian::gradient_rows`]; those of the planes are none without a
+    /// surface.
     pub parameters: PerGaussian<Option<Tensor<1>>>,
     /// Signed and absolute screen-space gradients, `[N, 4]`.
     pub screen: Tensor<2>,
@@ -45,8 +46,9 @@ impl Leaves {
     /// # Errors
     /// When the device cannot bind that many screen-space gradients at once.
     pub fn new(gpu: &Gpu, parameters: &Parameters) -> Result<Self, GpuError> {
-        // Never read or written by the forward pass: it only carries a gradient.
-        let screen = empty(gpu, "screen positions", &[parameters.splats().count, 4])?;
+        // It only carries a gradient, whose shape burn does not compare.
+        gpu.check_size("screen positions", 16 * parameters.splats().count as u64)?;
+        let screen = empty(gpu, "screen positions", &[1, 4])?;
         Ok(Self {
             parameters: parameters.tensors.as_ref().map(leaf),
             screen: leaf(&screen),
@@ -82,7 +84,7 @@ pub fn rasterized(
     let image = node(parents_of_image, |_| {
         let rule = move |v_image: &CubeTensor, _| {
             let is_there = PerGaussian::with_gradients(pass.surface().is_some());
-            let sizes = PerGaussian::rows(splats.coefficients).map(|row| row * splats.count);
+            let sizes = PerGaussian::gradient_rows().map(|row| row * splats.count);
             let gradients = sizes.zip(is_there).map(|(size, is_there)| is_there.then(|| empty_like(v_image, &[size])));
             let screen = empty_like(v_image, &[splats.count, 4]);
             let v = RasterGradients {

@@ -32,8 +32,8 @@
 //! | warp backward | (4 + 8 K + 4 M + 32 V + 4) P + (16 K + 8) P | 40 min(M, V) P |
 //! | blend backward | 48 n + 8 I + 8 T + 20 P + 48 I; with surface also 16 n + (20 + 20 K) P + 16 I | 14 B |
 //! | planes backward | 56 n + 16 I + 24 n + 16 N | 80 n |
-//! | project backward | 60 N + 40 n + 12 C n + 48 I + (60 + 12 C) N | (400 + 20 C) n |
-//! | Adam | 12 a value of the 11 + 3 C of a Gaussian, with planes 4 more, and 8 m N; 28 W | 14 a value |
+//! | project backward | 60 N + 40 n + 12 C n + 48 I + 72 N | (400 + 20 C) n |
+//! | Adam | (8 (11 + 3 C) + 68 + 8 m) N, with planes 48 N more, and 28 W | 14 a value: 11 + 3 C a Gaussian, with planes 4 more, and W |
 //!
 //! What was assumed:
 //! - sort: the lists are sorted in workgroup memory; merges of long lists and integer operations are not counted.
@@ -197,11 +197,12 @@ impl Load {
             Stage::PlanesBackward => Floor::new(80.0 * seen + 16.0 * (i + n), 80.0 * seen),
             Stage::ProjectBackward => {
                 let read = 60.0 * n + (40.0 + 12.0 * c) * seen + 48.0 * i;
-                Floor::new(read + (60.0 + 12.0 * c) * n, (400.0 + 20.0 * c) * seen)
+                Floor::new(read + 72.0 * n, (400.0 + 20.0 * c) * seen)
             }
             Stage::Adam => {
                 let (values, weights) = ((11.0 + 3.0 * c + 4.0 * surface) * n, surface * WEIGHTS as f64);
-                let bytes = 12.0 * values + 8.0 * self.moment_words(work) * n + 28.0 * weights;
+                let gradients = (56.0 + 12.0 + 16.0 * surface) * n;
+                let bytes = 8.0 * values + gradients + 8.0 * self.moment_words(work) * n + 28.0 * weights;
                 Floor::new(bytes, 14.0 * (values + weights))
             }
             other => return self.image_floor(work, other),

@@ -58,7 +58,7 @@ impl Trainer {
         if self.schedule.grows_at(self.iteration) {
             self.record_statistics(&mut pass, &rendered.forward, gradients.screen.clone());
         }
-        self.record_splat_step(&mut pass, gradients);
+        self.record_splat_step(&mut pass, gradients, &rendered.forward);
         if let Some(stages) = &mut self.stages {
             if let Some(network) = &total.network {
                 stages.record_step(&mut pass, network, &mut all, self.schedule.network_lr(self.iteration));
@@ -144,10 +144,10 @@ impl Trainer {
     }
 
     /// Records the step of the Gaussians, and what the strategy does after it.
-    fn record_splat_step(&mut self, pass: &mut Pass, gradients: SplatGradients) {
+    fn record_splat_step(&mut self, pass: &mut Pass, gradients: SplatGradients, forward: &Forward) {
         let mean_rate = self.schedule.mean_lr(self.iteration, self.extent);
         let rates = Rates::new(&self.config, mean_rate, self.schedule.rate_factor);
-        self.optimizer.record_step(pass, gradients, &rates);
+        self.optimizer.record_step(pass, gradients, &rates, &forward.frame);
         let step = Step { mean_rate, seed: self.config.seed, iteration: self.iteration };
         self.strategy.record_after_step(pass, self.splats(), &self.config.densify, &step);
     }

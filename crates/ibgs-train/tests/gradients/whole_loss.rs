@@ -1,7 +1,7 @@
 //! The loss of the last stage as a trainer combines it, on the GPU, against its double-precision twin.
 
 use super::surface::warping;
-use crate::common::{scene_parameters, values};
+use crate::common::{by_parameters, scene_parameters, values};
 use burn::tensor::{Tensor, TensorData};
 use ibgs_core::dataset::Photo;
 use ibgs_core::exposure::ExposurePass;
@@ -139,8 +139,9 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     let by_weights = weights.grad_remove(&mut grads).map(values);
     assert_eq!(by_weights.is_some(), part != Part::Side, "only the final image reaches the network");
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let tensors = g.parameters.map(|gradient| values(gradient.expect("a surface has plane gradients"))).into_array();
-    let grads = TENSORS.into_iter().zip(tensors).chain(by_weights.map(|w| ("network", w))).collect();
+    let tensors =
+        by_parameters(g, &scene.params, &view).map(|gradient| gradient.expect("a surface has plane gradients"));
+    let grads = TENSORS.into_iter().zip(tensors.into_array()).chain(by_weights.map(|w| ("network", w))).collect();
     let exposure = exposures.map(|e| {
         let row = gpu.read(e.v_target(), 2).unwrap().into_flattened();
         let own = case.exposures[0].numbers().map(|v| f64::from(EXPOSURE_PULL) * v);

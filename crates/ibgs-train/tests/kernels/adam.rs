@@ -1,9 +1,11 @@
 //! Adam against its twin, with full moments and packed.
 
-use ibgs_core::gpu::Pass;
+use glam::DVec3;
+use ibgs_core::gpu::{Buffer, Gpu, Pass};
 use ibgs_reference::adam::{Adam, Rounding, pack, random_bits, ratio_rounding, scale_rounding, unpack};
 use ibgs_reference::gpu::gpu;
-use ibgs_shaders::bindings::{AdamBindings, AdamPackedBindings};
+use ibgs_reference::sh;
+use ibgs_shaders::bindings::{AdamBindings, AdamHarmonicsBindings, AdamPackedBindings, AdamPackedHarmonicsBindings};
 use ibgs_shaders::types::AdamParams;
 use ibgs_shaders::{MOMENT2_BITS, MOMENTS_A_WORD};
 use rand::{Rng, SeedableRng};
@@ -39,6 +41,8 @@ fn params(count: usize, step: i32, decay: f64) -> AdamParams {
         correction2: (1.0 / (1.0 - 0.999f64.powi(step))) as f32,
         decay_rest: decay as f32,
         step: step as u32,
+        center: [0.0; 3],
+        sh_degree: 0,
     }
 }
 
@@ -155,4 +159,96 @@ fn is_close([m, v]: [f64; 2], bits: u32) -> bool {
     up || (0..2).any(|more| {
         second.below + f64::from(more) > 0.0 && near(ratio_rounding(m, second.below + f64::from(more)), bits >> 16)
     })
+}
+
+/// Gaussians with `stored` degrees of spherical harmonics, of which `active` count, and gradients by their colours, some of them zero.
+struct Colours {
+    means: Vec<[f32; 3]>,
+    v_colors: Vec<f32>,
+    params: AdamParams,
+    /// By the coefficients.
+    gradient: Vec<f64>,
+}
+
+impl Colours {
+    fn new(stored: u32, active: u32) -> Self {
+        let mut rng = ChaCha8Rng::seed_from_u64(u64::from(stored));
+        let (n, row) = (300, 3 * (stored + 1).pow(2));
+        let center = [0.3f32, -0.2, 0.5];
+        let means: Vec<[f32; 3]> = (0..n).map(|_| std::array::from_fn(|_| rng.random_range(-2.0..2.0))).collect();
+        let v_colors = (0..3 * n).map(|i| if i / 3 % 5 == 0 { 0.0 } else { rng.random_range(-1.0..1.0f32) });
+        let v_colors: Vec<f32> = v_colors.collect();
+        let point = |p: [f32; 3]| DVec3::from(p.map(f64::from));
+        let coefficient = |i: usize| {
+            let (g, k, channel) = (i / row as usize, i % row as usize / 3, i % 3);
+            let basis = sh::basis((point(means[g]) - point(center)).normalize())[k];
+            if k < (active as usize + 1).pow(2) { basis * f64::from(v_colors[3 * g + channel]) } else { 0.0 }
+        };
+        let gradient = (0..n * row as usize).map(coefficient).collect();
+        let usual = params(n * row as usize, 7, 3.0);
+        Self { means, v_colors, params: AdamParams { row, center, sh_degree: active, ..usual }, gradient }
+    }
+
+    /// Whether the values followed the twin from there, with these moments before.
+    fn check(&self, before: &[f32], after: &[f32], moments: impl Fn(usize) -> [f64; 2]) {
+        for i in 0..before.len() {
+            let [mut m, mut v] = moments(i);
+            let mut value = f64::from(before[i]);
+            let is_rest = i as u32 % self.params.row >= HEAD;
+            let decay = if is_rest { 3.0 } else { 0.0 };
+            let adam = Adam { decay, ..Adam::gaussians(RATES[usize::from(is_rest)]) };
+            let each = std::slice::from_mut;
+            adam.step(7, each(&mut value), &[self.gradient[i]], each(&mut m), each(&mut v));
+            let (moved, error) = ((value - f64::from(before[i])).abs(), (value - f64::from(after[i])).abs());
+            assert!(error <= 1e-4 * moved + 1e-6, "value {i}: {} against {value}, moved {moved:e}", after[i]);
+        }
+    }
+}
+
+fn random_values(gpu: &Gpu, n: usize, least: f32) -> (Vec<f32>, Buffer<f32>) {
+    let mut rng = ChaCha8Rng::seed_from_u64(9);
+    let values: Vec<f32> = (0..n).map(|_| rng.random_range(least..1.0)).collect();
+    let buffer = gpu.upload("values", &values).unwrap();
+    (values, buffer)
+}
+
+#[test]
+fn coefficients_step_by_the_gradient_of_the_colour() {
+    let gpu = gpu();
+    for (stored, active) in [(0, 0), (1, 0), (2, 2), (3, 1), (3, 3)] {
+        let colours = Colours::new(stored, active);
+        let (n, row) = (colours.gradient.len(), colours.params.row);
+        let gradient = &gpu.upload("gradient", &colours.v_colors).unwrap();
+        let means = &gpu.upload("means", colours.means.as_flattened()).unwrap();
+        let ((before, values), (m, moment1), (v, moment2)) =
+            (random_values(&gpu, n, -1.0), random_values(&gpu, n, -1.0), random_values(&gpu, n, 0.1));
+        let mut pass = Pass::new(&gpu, "test");
+        let (moment1, moment2) = (&moment1, &moment2);
+        let buffers = AdamHarmonicsBindings { gradient, values: &values, moment1, moment2, means };
+        pass.linear(&buffers, &colours.params, n);
+        pass.submit();
+        colours.check(&before, &gpu.read(&values, n).unwrap(), |i| [m[i].into(), v[i].into()]);
+
+        let words = row.div_ceil(MOMENTS_A_WORD);
+        let all = n / row as usize * words as usize;
+        let (start, values) = random_values(&gpu, n, -1.0);
+        let moments = &gpu.upload("moments", &random_codes(all)).unwrap();
+        let mut pass = Pass::new(&gpu, "test");
+        let buffers = AdamPackedHarmonicsBindings { gradient, values: &values, moments, means };
+        pass.linear(&buffers, &colours.params, all);
+        pass.submit();
+        let codes = random_codes(all);
+        let kept = |i: usize| {
+            let (line, column) = (i as u32 / row, i as u32 % row);
+            unpack(codes[(line * words + column / MOMENTS_A_WORD) as usize], column % MOMENTS_A_WORD)
+        };
+        colours.check(&start, &gpu.read(&values, n).unwrap(), kept);
+    }
+}
+
+/// Words of moments of middling size.
+fn random_codes(words: usize) -> Vec<u32> {
+    let mut rng = ChaCha8Rng::seed_from_u64(10);
+    let mut code = || pack([rng.random_range(-1e-2..1e-2), rng.random_range(1e-6..1e-2)], rng.random());
+    (0..words).map(|_| (0..MOMENTS_A_WORD).fold(0, |word, k| word | code() << (32 / MOMENTS_A_WORD * k))).collect()
 }

@@ -1,6 +1,3 @@
-//! Adam with packed moments.
-#set train
-#stage adam
 // One thread a word of moments: a step of its values. A row begins with a word. The step itself is made with moments that are
 // not rounded yet.
 #import index
@@ -8,9 +5,10 @@
 #import adam
 #import packed_moments
 
-@group(0) @binding(0) var<storage, read> gradient: array<f32>;
-@group(0) @binding(1) var<storage, read_write> values: array<f32>;
 @group(0) @binding(2) var<storage, read_write> moments: array<u32>;
+#if HARMONICS
+@group(0) @binding(3) var<storage, read> means: array<f32>;
+#endif
 
 @compute @workgroup_size(256)
 fn main(
@@ -18,20 +16,27 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let word = linear_workgroup(wid, groups) * 256u + local;
     let words = (params.row + MOMENTS_A_WORD - 1u) / MOMENTS_A_WORD;
-    if word >= params.count / params.row * words {
+    let all = params.count / params.row * words;
+    let start = linear_workgroup(wid, groups) * 256u;
+    let first = start / words;
+    #if HARMONICS
+    load_basis(local, first, min(start + 255u, all - 1u) / words);
+    #endif
+    let word = start + local;
+    if word >= all {
         return;
     }
     let packed = moments[word];
-    let first = word % words * MOMENTS_A_WORD;
+    let row = word / words;
+    let begin = word % words * MOMENTS_A_WORD;
     var random = hash(word ^ hash(params.step));
     var next = 0u;
-    for (var k = 0u; k < MOMENTS_A_WORD && first + k < params.row; k++) {
-        let i = word / words * params.row + first + k;
+    for (var k = 0u; k < MOMENTS_A_WORD && begin + k < params.row; k++) {
+        let i = row * params.row + begin + k;
         let code = extractBits(packed, k * MOMENT_BITS, MOMENT_BITS);
-        let m = adam_moments(unpack_moments(code), gradient[i]);
-        values[i] = adam_value(values[i], first + k, m);
+        let m = adam_moments(unpack_moments(code), adam_gradient(row, begin + k, first));
+        values[i] = adam_value(values[i], begin + k, m);
         next = insertBits(next, pack_moments(m, random), k * MOMENT_BITS, MOMENT_BITS);
         random = hash(random);
     }
