@@ -150,15 +150,15 @@ fn packed_steps_follow_the_twin() {
 
 /// Whether float32 may round these moments otherwise: a random number lies close to a threshold, or a code's step to the next.
 fn is_close([m, v]: [f64; 2], bits: u32) -> bool {
-    let near = |Rounding { part, .. }: Rounding, bits: u32| {
+    let near = |Rounding { part, .. }: Rounding, bits: u32, slack: f64| {
         let random = (f64::from(bits & 0xffff) + 0.5) / 65536.0;
-        (random - part).abs() < 2e-3 || !(2e-3..1.0 - 2e-3).contains(&part)
+        (random - part).abs() < slack || !(slack..1.0 - slack).contains(&part)
     };
+    // The logarithm, up to 44, is exact to 4e-6, the ratio to 1e-6; the finer the steps, the larger a part of one that is.
+    let slack = [MOMENT2_BITS, 32 / MOMENTS_A_WORD - MOMENT2_BITS].map(|bits| 2e-3 + 2e-6 * f64::from(1u32 << bits));
     let second = scale_rounding(v);
-    let up = near(second, bits);
-    up || (0..2).any(|more| {
-        second.below + f64::from(more) > 0.0 && near(ratio_rounding(m, second.below + f64::from(more)), bits >> 16)
-    })
+    let first = |code: f64| code > 0.0 && near(ratio_rounding(m, code), bits >> 16, slack[1]);
+    near(second, bits, slack[0]) || first(second.below) || first(second.below + 1.0)
 }
 
 /// Gaussians with `stored` degrees of spherical harmonics, of which `active` count, and gradients by their colours, some of them zero.
