@@ -162,8 +162,8 @@ pub struct AdamConfig {
     pub beta2: f64,
     /// Added to the root of the second moment.
     pub epsilon: f64,
-    /// How both moments of a value are kept: `packed` in 16 bits, rounded at random so that their expectations stay, a departure from
-    /// method.md; `full` as two float32.
+    /// How both moments of a value are kept: `full` as two float32; `packed` in 16 bits, rounded at random so that their expectations
+    /// stay, for more Gaussians in a device's memory.
     pub moments: AdamMoments,
 }
 
@@ -171,11 +171,11 @@ pub struct AdamConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdamMoments {
-    /// Both moments of a value in 16 bits, rounded at random so that their expectations stay.
-    #[default]
-    Packed,
     /// Two float32.
+    #[default]
     Full,
+    /// Both moments of a value in 16 bits, rounded at random so that their expectations stay. A departure from method.md.
+    Packed,
 }
 
 /// Iterations of a run that starts from a finished model.

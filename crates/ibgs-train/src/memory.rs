@@ -10,7 +10,7 @@
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (60 + 12 C) N |
-//! | optimiser | (28 + 4 ceil(3 C / 2) {+ 12}) N, 16 N of statistics {, 8 a weight of the network} |
+//! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (72 {+ 16}) N |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
@@ -22,7 +22,8 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 //!
-//! With full moments the optimiser has 2 (44 + 12 C {+ 16}) N in place of the first.
+//! With packed moments the optimiser has (28 + 4 ceil(3 C / 2) {+ 12}) N in place of the first. `p` are the pixels of a band at the
+//! network's factor.
 //!
 //! The network's are those of float32, the most that any precision takes.
 

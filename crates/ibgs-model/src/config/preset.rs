@@ -1,7 +1,7 @@
 //! Sets of options under a name.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{AdamMoments, ExposureSwitch, Strategy, TrainConfig};
+use super::{ExposureSwitch, Strategy, TrainConfig};
 use crate::dataset::InitialPoints;
 use crate::residual::variant::{Aggregation, Output};
 use crate::sources::find::{Distances, Draw};
@@ -54,7 +54,6 @@ impl TrainConfig {
     fn publish(&mut self) {
         self.iterations = Some(REFERENCE_ITERATIONS);
         self.learning_rates.sh_rest_decay = Some(0.0);
-        self.adam.moments = AdamMoments::Full;
         self.data.initial_points = InitialPoints::Scene;
         self.densify.strategy = Strategy::Published;
         self.densify.near_depth = 0.0;

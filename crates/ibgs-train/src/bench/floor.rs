@@ -262,7 +262,7 @@ mod tests {
             gaussians: 1000,
             gaussians_in_view: 600,
             coefficients: 16,
-            moments: AdamMoments::Packed,
+            moments: AdamMoments::Full,
             intersections: 3000,
             tiles: 300,
             pixels: 64 * 48,

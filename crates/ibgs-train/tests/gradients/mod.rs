@@ -1,6 +1,7 @@
 //! Vector-Jacobian products under burn's autodiff against the twin and the golden data.
 
 mod golden_final;
+mod slice;
 pub(crate) mod surface;
 mod whole_loss;
 

@@ -39,8 +39,7 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     let dataset = dataset();
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("checkpoints/1.ibgs");
-    let mut plain = TrainConfig { method: Method::Gs3, ..everything(40) };
-    plain.adam.moments = AdamMoments::Full;
+    let plain = TrainConfig { method: Method::Gs3, ..everything(40) };
     let mut mcmc = plain.clone();
     mcmc.densify.strategy = Strategy::Mcmc;
     mcmc.densify.max_splats = Some(400);

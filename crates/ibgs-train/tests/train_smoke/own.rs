@@ -5,11 +5,13 @@ use crate::small::{dataset, model, run, staged, trainer};
 use burn::tensor::Tensor;
 use ibgs_core::config::DensifyConfig;
 use ibgs_core::gpu::GpuError;
+use ibgs_demo::DemoOptions;
+use ibgs_testing::tiny_demo;
 use ibgs_train::densify::{Observations, Plan, Reduction, Round, Strategy};
 use ibgs_train::loss::{Loss, LossInputs};
 use rand_chacha::ChaCha8Rng;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicUsize, Ordering};
+use std::sync::{Arc, Mutex};
 
 /// Mean difference of a pixel and the one below it, by burn's own operations, of the last image that there is.
 #[derive(Debug)]
@@ -47,6 +49,41 @@ fn a_loss_of_burns_operations_counts_by_its_weight() {
     let smooth = trained(Some(1.0));
     assert!(smooth.0 != usual.0 && smooth.1 != usual.1, "Gaussians and network learn from it");
     assert!(trained(Some(1.0)) == smooth, "the run repeats");
+}
+
+/// Notes the heights of the final images and of their photos.
+#[derive(Debug)]
+struct Heights(Arc<Mutex<Vec<[usize; 2]>>>);
+
+impl Loss for Heights {
+    fn of(&self, inputs: &LossInputs<'_>) -> Result<Option<Tensor<1>>, GpuError> {
+        let heights = inputs.final_image.map(|(image, photo)| [image.dims()[0], photo.size[1] as usize]);
+        self.0.lock().unwrap().extend(heights);
+        Ok(None)
+    }
+}
+
+/// Of the two bands of a view of 257 rows either has 129.
+#[test]
+fn the_final_image_is_of_a_band_of_the_view() {
+    let cache = tempfile::tempdir().unwrap();
+    let options = DemoOptions { width: 32, height: 257, views: 12, ..tiny_demo() };
+    let dataset = ibgs_demo::load(&options, Some(cache.path()), &()).unwrap();
+    let trained = |bands: u32| {
+        let mut config = staged(24);
+        config.deterministic = true;
+        config.residual.bands = bands;
+        let (mut trainer, heights) = (trainer(&dataset, &config), Arc::default());
+        trainer.add_loss(Box::new(Heights(Arc::clone(&heights))));
+        run(&mut trainer, 24);
+        let heights = heights.lock().unwrap().clone();
+        (heights, model(&trainer))
+    };
+    let ((whole, of_whole), (bands, of_bands)) = (trained(1), trained(2));
+    assert_eq!(whole, [[257; 2]; 10]);
+    assert_eq!(bands, [[129; 2]; 10]);
+    assert!(of_bands.0 != of_whole.0 && of_bands.1 != of_whole.1, "Gaussians and network learn from the band");
+    assert!(trained(2).1 == of_bands, "the run repeats");
 }
 
 /// Counts its rounds and changes nothing.
