@@ -26,8 +26,8 @@ pub fn parts(format: u32, version: &str, config: &str) -> Vec<(String, Vec<u8>)>
     };
     for (name, row) in [("means", 3), ("rotations", 4), ("scales", 3), ("opacities", 1), ("sh", 3)] {
         tensor(name, 2 * row);
-        // Those of two values share a word.
-        tensor(&format!("{name}.moments"), 2 * row.div_ceil(2));
+        tensor(&format!("{name}.first"), 2 * row);
+        tensor(&format!("{name}.second"), 2 * row);
     }
     for (name, row) in [("normals", 3), ("offsets", 1), ("statistics", 4)] {
         tensor(name, 2 * row);
