@@ -50,15 +50,24 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
     }
 }
 #else
-#import reduce
+#import reduce_tile
 
-@compute @workgroup_size(TILE, TILE)
+@compute @workgroup_size(TILE * TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
+    #if SUBGROUPS
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+    #endif
 ) {
+    #if SUBGROUPS
+    #else
+    const subgroup = 0u;
+    const lane = 0u;
+    #endif
     let c = wid.z;
+    let lid = vec2(local % TILE, local / TILE);
     #repeat i 3
     let k$i = local + $iu * TILE * TILE;
     let p$i = halo_pixel(wid.xy, k$i);
@@ -74,7 +83,7 @@ fn main(
     #end
     let s = windowed_means(lid, local);
     var result = vec4(0.0);
-    let pixel = wid.xy * TILE + lid.xy;
+    let pixel = wid.xy * TILE + lid;
     if all(pixel < params.size) {
         let derivatives = ssim_derivatives(s, shift);
         let p = pixel.y * params.size.x + pixel.x;
@@ -85,7 +94,7 @@ fn main(
         let error = seen.x - seen.y;
         result = vec4(abs(v.x - v.y), derivatives.ssim, error * error, 0.0);
     }
-    let sum = reduce(local, result);
+    let sum = reduce_tile(local, subgroup, lane, result);
     if local == 0u {
         partials[(wid.z * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum;
     }

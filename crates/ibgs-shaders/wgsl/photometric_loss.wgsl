@@ -59,15 +59,24 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
     }
 }
 #else
-#import reduce
+#import reduce_tile
 
-@compute @workgroup_size(TILE, TILE)
+@compute @workgroup_size(TILE * TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
+    #if SUBGROUPS
+    @builtin(subgroup_id) subgroup: u32,
+    @builtin(subgroup_invocation_id) lane: u32,
+    #endif
 ) {
+    #if SUBGROUPS
+    #else
+    const subgroup = 0u;
+    const lane = 0u;
+    #endif
     let c = wid.z;
+    let lid = vec2(local % TILE, local / TILE);
     let plane = params.size.x * params.size.y;
     #repeat i 3
     let k$i = local + $iu * TILE * TILE;
@@ -87,7 +96,7 @@ fn main(
     #end
     let s = windowed_means(lid, local);
     var result = vec2(0.0);
-    let pixel = wid.xy * TILE + lid.xy;
+    let pixel = wid.xy * TILE + lid;
     if all(pixel < params.size) {
         let p = pixel.y * params.size.x + pixel.x;
         var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
@@ -97,7 +106,7 @@ fn main(
         }
         store_derivatives(c, p, derivatives);
     }
-    let sum = reduce(local, vec4(result, 0.0, 0.0));
+    let sum = reduce_tile(local, subgroup, lane, vec4(result, 0.0, 0.0));
     if local == 0u {
         partials[((3u * params.visible_index + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
     }

@@ -58,41 +58,21 @@ fn adam_value(value: f32, column: u32, m: vec2<f32>) -> f32 {
 /// By the colour of each Gaussian.
 @group(0) @binding(0) var<storage, read> gradient: array<f32>;
 
-// Coefficients of a Gaussian, and one so that lanes read different banks.
-const BASIS_ROW: u32 = 17u;
-// A row has at least two words, so that 256 of them belong to at most this many.
-const MOST_ROWS: u32 = 129u;
-
-// Basis values of the workgroup's Gaussians.
-var<workgroup> basis_values: array<f32, BASIS_ROW * MOST_ROWS>;
-
-// Computes them, of the Gaussians from `first` to `last`; for all threads of a workgroup.
-fn load_basis(local: u32, first: u32, last: u32) {
-    let g = first + local;
-    if g <= last {
-        let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);
-        let basis = sh_basis(normalize(mean - params.center), params.sh_degree);
-        #repeat c 16
-        basis_values[BASIS_ROW * local + $cu] = basis[$c];
-        #end
-    }
-    workgroupBarrier();
-}
-
-// Gradient of a value of a row, in a workgroup whose first row is `first`.
-fn adam_gradient(row: u32, column: u32, first: u32) -> f32 {
-    let v_color = vec3(gradient[3u * row], gradient[3u * row + 1u], gradient[3u * row + 2u]);
+// Gradient by a value of a row. Without that by its colour the mean may be no number.
+fn adam_gradient(row: u32, column: u32) -> f32 {
+    let v_color = gradient[3u * row + column % 3u];
     let c = column / 3u;
-    if c >= sh_count(params.sh_degree) || all(v_color == vec3(0.0)) {
+    if c >= sh_count(params.sh_degree) || v_color == 0.0 {
         return 0.0;
     }
-    return basis_values[BASIS_ROW * (row - first) + c] * v_color[column % 3u];
+    let mean = vec3(means[3u * row], means[3u * row + 1u], means[3u * row + 2u]);
+    return sh_basis_value(normalize(mean - params.center), c) * v_color;
 }
 #else
 @group(0) @binding(0) var<storage, read> gradient: array<f32>;
 
-// Gradient of a value of a row.
-fn adam_gradient(row: u32, column: u32, first: u32) -> f32 {
+// Gradient by a value of a row.
+fn adam_gradient(row: u32, column: u32) -> f32 {
     return gradient[row * params.row + column];
 }
 #endif

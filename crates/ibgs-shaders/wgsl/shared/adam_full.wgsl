@@ -14,17 +14,13 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let start = linear_workgroup(wid, groups) * 256u;
-    let first = start / params.row;
-    #if HARMONICS
-    load_basis(local, first, min(start + 255u, params.count - 1u) / params.row);
-    #endif
-    let i = start + local;
+    let i = linear_workgroup(wid, groups) * 256u + local;
     if i >= params.count {
         return;
     }
-    let m = adam_moments(vec2(moment1[i], moment2[i]), adam_gradient(i / params.row, i % params.row, first));
+    let column = i % params.row;
+    let m = adam_moments(vec2(moment1[i], moment2[i]), adam_gradient(i / params.row, column));
     moment1[i] = m.x;
     moment2[i] = m.y;
-    values[i] = adam_value(values[i], i % params.row, m);
+    values[i] = adam_value(values[i], column, m);
 }

@@ -17,14 +17,8 @@ fn main(
     @builtin(local_invocation_index) local: u32,
 ) {
     let words = (params.row + MOMENTS_A_WORD - 1u) / MOMENTS_A_WORD;
-    let all = params.count / params.row * words;
-    let start = linear_workgroup(wid, groups) * 256u;
-    let first = start / words;
-    #if HARMONICS
-    load_basis(local, first, min(start + 255u, all - 1u) / words);
-    #endif
-    let word = start + local;
-    if word >= all {
+    let word = linear_workgroup(wid, groups) * 256u + local;
+    if word >= params.count / params.row * words {
         return;
     }
     let packed = moments[word];
@@ -35,7 +29,7 @@ fn main(
     for (var k = 0u; k < MOMENTS_A_WORD && begin + k < params.row; k++) {
         let i = row * params.row + begin + k;
         let code = extractBits(packed, k * MOMENT_BITS, MOMENT_BITS);
-        let m = adam_moments(unpack_moments(code), adam_gradient(row, begin + k, first));
+        let m = adam_moments(unpack_moments(code), adam_gradient(row, begin + k));
         values[i] = adam_value(values[i], begin + k, m);
         next = insertBits(next, pack_moments(m, random), k * MOMENT_BITS, MOMENT_BITS);
         random = hash(random);

@@ -49,6 +49,34 @@ fn sh_basis(d: vec3<f32>, degree: u32) -> array<f32, 16> {
     return b;
 }
 
+// One of them.
+fn sh_basis_value(d: vec3<f32>, i: u32) -> f32 {
+    let x = d.x;
+    let y = d.y;
+    let z = d.z;
+    let xx = x * x;
+    let yy = y * y;
+    let zz = z * z;
+    switch i {
+        case 0u: { return SH0; }
+        case 1u: { return -SH1 * y; }
+        case 2u: { return SH1 * z; }
+        case 3u: { return -SH1 * x; }
+        case 4u: { return SH2[0] * x * y; }
+        case 5u: { return SH2[1] * y * z; }
+        case 6u: { return SH2[2] * (2.0 * zz - xx - yy); }
+        case 7u: { return SH2[3] * x * z; }
+        case 8u: { return SH2[4] * (xx - yy); }
+        case 9u: { return SH3[0] * y * (3.0 * xx - yy); }
+        case 10u: { return SH3[1] * x * y * z; }
+        case 11u: { return SH3[2] * y * (4.0 * zz - xx - yy); }
+        case 12u: { return SH3[3] * z * (2.0 * zz - 3.0 * xx - 3.0 * yy); }
+        case 13u: { return SH3[4] * x * (4.0 * zz - xx - yy); }
+        case 14u: { return SH3[5] * z * (xx - yy); }
+        default: { return SH3[6] * x * (xx - 3.0 * yy); }
+    }
+}
+
 // Gradient of basis function i by the direction, the direction taken as free (not on the sphere).
 fn sh_basis_gradient(d: vec3<f32>, i: u32) -> vec3<f32> {
     let x = d.x;

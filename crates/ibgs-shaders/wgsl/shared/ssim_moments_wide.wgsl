@@ -6,7 +6,7 @@ var<workgroup> own_rows: array<vec4<f32>, SIDE * TILE>;
 var<workgroup> xy_rows: array<f32, SIDE * TILE>;
 
 // The means over the window of the thread's pixel. Every thread calls it.
-fn windowed_means(lid: vec3<u32>, local: u32) -> Means {
+fn windowed_means(lid: vec2<u32>, local: u32) -> Means {
     workgroupBarrier();
     for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
         let base = (k / TILE) * SIDE + k % TILE;
