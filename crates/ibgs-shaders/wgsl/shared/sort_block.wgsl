@@ -55,12 +55,18 @@ fn sort_own(own: Words) -> Words {
     return order_own(Words(near, far));
 }
 
-// The words of the thread whose number differs by the bits of `mask`. Every thread calls it, in uniform control flow; within a
-// subgroup those of the subgroup suffice.
+#if SUBGROUPS
+// The words of the thread of the subgroup whose number differs by the bits of `mask`. Every thread of the subgroup calls it.
+fn words_within(own: Words, mask: u32) -> Words {
+    return Words(subgroupShuffleXor(own.near, mask), subgroupShuffleXor(own.far, mask));
+}
+#endif
+
+// The words of the thread whose number differs by the bits of `mask`. Every thread calls it, in uniform control flow.
 fn words_of(own: Words, thread: u32, mask: u32) -> Words {
     #if SUBGROUPS
     if mask < LANES {
-        return Words(subgroupShuffleXor(own.near, mask), subgroupShuffleXor(own.far, mask));
+        return words_within(own, mask);
     }
     #endif
     workgroupBarrier();
@@ -87,6 +93,18 @@ fn join_runs(words: Words, thread: u32, threads: u32) -> Words {
     }
     return order_own(own);
 }
+
+#if SUBGROUPS
+// The same for runs of a subgroup alone, whose other subgroups have nothing to join: no thread waits here.
+fn join_runs_within(words: Words, thread: u32, threads: u32) -> Words {
+    let facing = words_within(words, 2u * threads - 1u);
+    var own = choose(words, Words(facing.far.wzyx, facing.near.wzyx), (thread & threads) == 0u);
+    for (var step = threads / 2u; step > 0u; step /= 2u) {
+        own = choose(own, words_within(own, step), (thread & step) == 0u);
+    }
+    return order_own(own);
+}
+#endif
 
 // A word of the block, in order.
 fn word_at(place: u32) -> u32 {
@@ -158,7 +176,7 @@ fn sorted_words(thread: u32, start: u32, count: u32) -> Words {
     #if SUBGROUPS
     if OWN * (thread - thread % LANES) < count {
         for (var run = 1u; run < LANES && OWN * run < count; run *= 2u) {
-            own = join_runs(own, thread, run);
+            own = join_runs_within(own, thread, run);
         }
     }
     threads = LANES;
