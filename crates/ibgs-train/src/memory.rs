@@ -22,8 +22,8 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 //!
-//! With packed moments the optimiser has (28 + 4 ceil(3 C / 2) {+ 12}) N in place of the first. `p` are the pixels of a band at the
-//! network's factor.
+//! With packed moments the optimiser has (28 + 4 ceil(3 C / 2) {+ 12}) N in place of the first. `p` are the pixels of a view at the
+//! network's factor, in training with bands those of a band, b at the image's: then (32 + 32 V) b are added.
 //!
 //! The network's are those of float32, the most that any precision takes.
 
@@ -104,8 +104,10 @@ struct Sizes {
     room: u64,
     pixels: u64,
     tiles: u64,
-    /// Width and height of the network's images.
-    low: [u64; 2],
+    /// Pixels of a band of a view's rows; 0: iterations make the final image of whole views.
+    band: u64,
+    /// Width and height of the network's images, of a band and of a view.
+    low: [[u64; 2]; 2],
     medians: u64,
     visible: u64,
     sources: u64,
@@ -118,24 +120,21 @@ impl Sizes {
         let largest = |of: &dyn Fn(&Camera) -> u64| demand.cameras.iter().map(of).max().unwrap_or(0);
         let area = |size: [u32; 2]| u64::from(size[0]) * u64::from(size[1]);
         let widest = demand.cameras.iter().max_by_key(|c| area([c.width, c.height]));
-        // The network sees a band of a view at a time.
-        let band = |c: &Camera| [c.width, config.residual.bands_of(c.height).1];
-        let low = widest.map_or([0; 2], |c| factor.size(band(c)).map(u64::from));
+        let whole = widest.map_or([0; 2], |c| [c.width, c.height]);
+        let (bands, rows) = config.residual.bands_of(whole[1]);
+        let band = [whole[0], rows];
         Self {
             n: demand.gaussians,
             coefficients: u64::from(demand.sh_degree + 1).pow(2),
             room: demand.room,
             pixels: largest(&|c| area([c.width, c.height])),
             tiles: largest(&|c| area([c.width.div_ceil(TILE), c.height.div_ceil(TILE)])),
-            low,
+            band: if bands > 1 { area(band) } else { 0 },
+            low: [band, whole].map(|size| factor.size(size).map(u64::from)),
             medians: config.surface.intersections.into(),
             visible: config.sources.visible.into(),
             sources: config.sources.used.into(),
         }
-    }
-
-    fn low_pixels(&self) -> u64 {
-        self.low[0] * self.low[1]
     }
 
     /// Values of a Gaussian by tensor.
@@ -260,16 +259,18 @@ impl Estimate {
     }
 
     fn add_network(&mut self, sizes: &Sizes, demand: &Demand) {
-        let Sizes { pixels, medians, visible, sources, .. } = *sizes;
-        let low = sizes.low_pixels();
-        let [half, quarter] = [2, 4].map(|by| (sizes.low[0] / by) * (sizes.low[1] / by));
+        let Sizes { pixels, band, medians, visible, sources, .. } = *sizes;
+        let [width, height] = sizes.low[0];
+        let [low, half, quarter] = [1, 2, 4].map(|by| (width / by) * (height / by));
         self.add("network", "activations and gradients at full size", 4 * INPUT as u64 * low, 6);
         self.add("network", "activations and gradients at half size", 4 * HALF as u64 * half, 4);
         self.add("network", "activations at quarter size", 4 * QUARTER as u64 * quarter, 1);
         self.add("network", "output and its gradient", 16 * low, 2);
         self.add("network", "gradients of the features", 16 * visible * low, 1);
         self.add("network", "seen sources", 4 * pixels, 1);
-        let tiles = sizes.low[0].div_ceil(16) * sizes.low[1].div_ceil(2);
+        self.add("network", "base and warped colours of a band and their gradients", (12 + 16 * visible) * band, 2);
+        self.add("network", "photo and seen sources of a band", 4 * band, 2);
+        let tiles = width.div_ceil(16) * height.div_ceil(2);
         let row = (9 * INPUT * INPUT + INPUT) as u64;
         self.add("network", "sums of the weights' gradients", 4 * row * tiles.div_ceil(8).min(264), 1);
         self.add("network", "sums of the per-view network", SUMS_BYTES, 1);
@@ -278,8 +279,9 @@ impl Estimate {
             self.add("network", "warped colours in the photo's exposure and their gradient", 16 * visible * pixels, 2);
         }
         if demand.evaluates {
-            self.add("evaluation", "activations", 4 * INPUT as u64 * low, 4);
-            self.add("evaluation", "output", 16 * low, 1);
+            let whole: u64 = sizes.low[1].iter().product();
+            self.add("evaluation", "activations", 4 * INPUT as u64 * whole, 4);
+            self.add("evaluation", "output", 16 * whole, 1);
             self.add("evaluation", "images", 12 * pixels, 2);
             self.add("evaluation", "warped colours", 16 * visible * pixels, 1);
             self.add("evaluation", "depth maps of the sources", 4 * pixels, sources);

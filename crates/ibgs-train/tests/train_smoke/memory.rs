@@ -43,8 +43,9 @@ fn dataset(camera: &Camera) -> Dataset {
 }
 
 /// Estimated and allocated bytes of three iterations with everything at work.
-fn compare(gpu: &Arc<Gpu>, method: Method, gaussians: &Gaussians, camera: &Camera) -> f64 {
+fn compare(gpu: &Arc<Gpu>, (method, bands): (Method, u32), gaussians: &Gaussians, camera: &Camera) -> f64 {
     let mut config = TrainConfig { method, ..TrainConfig::default() };
+    config.residual.bands = bands;
     (config.surface.start, config.residual.start, config.residual.burn_in) = (Some(0), Some(0), Some(0));
     let dataset = dataset(camera);
     let raster = Arc::new(Rasterizer::new(gpu.clone()));
@@ -68,7 +69,7 @@ fn compare(gpu: &Arc<Gpu>, method: Method, gaussians: &Gaussians, camera: &Camer
     for kind in memory.kinds.iter().take(12) {
         println!("{:>12} in {:>4} {}", kind.bytes, kind.buffers, kind.name);
     }
-    println!("{method:?}: {} allocated, {} estimated", Bytes(memory.allocated_bytes), Bytes(estimate.total()));
+    println!("{method:?}, {bands}: {} allocated, {} estimated", Bytes(memory.allocated_bytes), Bytes(estimate.total()));
     estimate.total() as f64 / memory.allocated_bytes as f64
 }
 
@@ -76,11 +77,13 @@ fn compare(gpu: &Arc<Gpu>, method: Method, gaussians: &Gaussians, camera: &Camer
 #[test]
 fn the_estimate_is_what_the_allocator_reports() {
     let gpu = open_gpu();
-    let (gaussians, camera) = synthetic(20_000, 2, 72, 48);
-    for method in [Method::Gs3, Method::Ibgs] {
+    for (method, bands, [width, height]) in
+        [(Method::Gs3, 1, [72, 48]), (Method::Ibgs, 1, [72, 48]), (Method::Ibgs, 2, [72, 257])]
+    {
+        let (gaussians, camera) = synthetic(20_000, 2, width, height);
         gpu.release_unused();
         gpu.wait().unwrap();
-        let ratio = compare(&gpu, method, &gaussians, &camera);
-        assert!((0.75..=1.25).contains(&ratio), "{method:?}: {ratio:.2} of what is allocated");
+        let ratio = compare(&gpu, (method, bands), &gaussians, &camera);
+        assert!((0.75..=1.25).contains(&ratio), "{method:?}, {bands}: {ratio:.2} of what is allocated");
     }
 }
