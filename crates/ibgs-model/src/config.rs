@@ -162,7 +162,7 @@ pub struct AdamConfig {
     pub beta2: f64,
     /// Added to the root of the second moment.
     pub epsilon: f64,
-    /// How both moments of a value are kept: `full` as two float32; `packed` in 16 bits, rounded at random so that their expectations
+    /// How both moments of a value are kept: `full` as two float32; `packed` in 21 bits, rounded at random so that their expectations
     /// stay, for more Gaussians in a device's memory.
     pub moments: AdamMoments,
 }
@@ -174,7 +174,7 @@ pub enum AdamMoments {
     /// Two float32.
     #[default]
     Full,
-    /// Both moments of a value in 16 bits, rounded at random so that their expectations stay. A departure from method.md.
+    /// Both moments of a value in 21 bits, rounded at random so that their expectations stay. A departure from method.md.
     Packed,
 }
 

@@ -1,6 +1,6 @@
 //! Twin of the optimiser step (method.md section 1): Adam with bias correction, and its moments packed.
 
-use ibgs_shaders::{MOMENT2_BITS, MOMENTS_A_WORD};
+use ibgs_shaders::{MOMENT1_BITS, MOMENT2_BITS};
 
 /// Settings of one step. The moments' decay rates are `beta1` and `beta2`; `eps` is added after the square root of
 /// the bias-corrected second moment.
@@ -34,9 +34,9 @@ impl Adam {
     }
 }
 
-/// Bits of a value's code, and of its first moment.
-const MOMENT_BITS: u32 = 32 / MOMENTS_A_WORD;
-const MOMENT1_BITS: u32 = MOMENT_BITS - MOMENT2_BITS;
+/// Bits of a value's code.
+const MOMENT_BITS: u32 = MOMENT1_BITS + MOMENT2_BITS;
+const MASK: u32 = (1 << MOMENT_BITS) - 1;
 /// Largest code of the second moment's root, the binary logarithms of those of code 1 and of the largest, and their distance.
 const SCALE_MOST: f64 = ((1u32 << MOMENT2_BITS) - 1) as f64;
 const SCALE_FIRST: f64 = -44.0;
@@ -51,9 +51,28 @@ fn hash(value: u32) -> u32 {
     (word >> 22) ^ word
 }
 
-/// The 32 random bits of each value of a word in a step.
-pub fn random_bits(word: u32, step: u32) -> impl Iterator<Item = u32> {
-    std::iter::successors(Some(hash(word ^ hash(step))), |&bits| Some(hash(bits)))
+/// The 32 random bits of each value in turn that step together: three, or one in rows that three do not divide; `index` counts
+/// what steps together.
+pub fn random_bits(index: u32, step: u32) -> impl Iterator<Item = u32> {
+    std::iter::successors(Some(hash(index ^ hash(step))), |&bits| Some(hash(bits)))
+}
+
+/// The codes in the words of rows with `row` values: three in two words, or one in each where three do not divide a row.
+pub fn codes_of(words: &[u32], row: u32) -> Vec<u32> {
+    if !row.is_multiple_of(3) {
+        return words.to_vec();
+    }
+    let three = |&[a, b]: &[u32; 2]| [a & MASK, b & MASK, a >> MOMENT_BITS | b >> MOMENT_BITS << (32 - MOMENT_BITS)];
+    words.as_chunks().0.iter().flat_map(three).collect()
+}
+
+/// The words of codes.
+pub fn words_of(codes: &[u32], row: u32) -> Vec<u32> {
+    if !row.is_multiple_of(3) {
+        return codes.to_vec();
+    }
+    let two = |&[a, b, c]: &[u32; 3]| [a | c << MOMENT_BITS, b | c >> (32 - MOMENT_BITS) << MOMENT_BITS];
+    codes.as_chunks().0.iter().flat_map(two).collect()
 }
 
 /// Of 16 bits, between 0 and 1.
@@ -61,9 +80,8 @@ fn unit(bits: u32) -> f64 {
     (f64::from(bits & 0xffff) + 0.5) / 65536.0
 }
 
-/// First and second moment of value `k` of a word.
-pub fn unpack(word: u32, k: u32) -> [f64; 2] {
-    let code = word >> (k * MOMENT_BITS);
+/// First and second moment of a code.
+pub fn unpack(code: u32) -> [f64; 2] {
     let scale = match code & ((1 << MOMENT2_BITS) - 1) {
         0 => 0.0,
         code => (SCALE_FIRST + (f64::from(code) - 1.0) * SCALE_STEP).exp2(),
@@ -112,5 +130,5 @@ pub fn pack([first, second]: [f64; 2], bits: u32) -> u32 {
     }
     let steps = ratio_rounding(first, scale_code).rounded(bits >> 16) as i32;
     let signed = (if first < 0.0 { -steps } else { steps }) as u32;
-    scale_code as u32 | (signed << MOMENT2_BITS) & (u32::MAX >> (32 - MOMENT_BITS))
+    scale_code as u32 | (signed << MOMENT2_BITS) & MASK
 }

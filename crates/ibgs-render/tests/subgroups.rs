@@ -7,7 +7,7 @@ use ibgs_reference::random_scene::{random_camera, random_params};
 use ibgs_reference::relative_error;
 use ibgs_reference::surface_scene::wall;
 use ibgs_render::gpu::{Buffer, Gpu};
-use ibgs_render::raster::{Keep, RasterGradients, RasterView, Rasterizer, Room};
+use ibgs_render::raster::{Keep, RasterView, Rasterizer, Room, ScreenStatistics};
 use ibgs_render::scene::{PerGaussian, Splats};
 use ibgs_shaders::TILE_SORT;
 use rand::{Rng, SeedableRng};
@@ -31,7 +31,7 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
     // Makes room for every intersection.
     raster.render(&splats, view).unwrap();
     let image = raster.image_memory(&view.camera).unwrap();
-    let forward = raster.forward(&splats, view, Keep::Gradients, image).unwrap();
+    let mut forward = raster.forward(&splats, view, Keep::Gradients, image).unwrap();
     let (n, pixels) = (model.len(), view.camera.pixels());
     let buffer = |count: usize| gpu.allocate("test", count).unwrap();
     let read = |buffer: &Buffer<f32>, count: usize| gpu.read(buffer, count).unwrap();
@@ -55,11 +55,12 @@ fn results(gpu: &Arc<Gpu>, model: &Gaussians, view: &RasterView) -> Results {
     let rows = PerGaussian::gradient_rows();
     let is_there = PerGaussian::with_gradients(view.surface.is_some());
     let parameters = rows.zip(is_there).map(|(row, is_there)| is_there.then(|| buffer(row * n)));
-    let v = RasterGradients { parameters, screen: buffer(4 * n).cast() };
-    forward.backward(gpu, &splats, &v_image, &v);
-    let own = v.parameters.zip(rows).into_array().into_iter().filter_map(|(buffer, row)| Some((buffer?, row * n)));
+    let values = gpu.upload("test", &vec![[0.0; 4]; n]).unwrap();
+    forward.statistics = Some(ScreenStatistics { values: values.clone(), largest: false, near_depth: 0.0 });
+    forward.backward(gpu, &splats, &v_image, &parameters);
+    let own = parameters.zip(rows).into_array().into_iter().filter_map(|(buffer, row)| Some((buffer?, row * n)));
     let double = |(buffer, count)| read(&buffer, count).into_iter().map(f64::from).collect();
-    Results { outputs, gradients: own.chain([(v.screen.cast(), 4 * n)]).map(double).collect() }
+    Results { outputs, gradients: own.chain([(values.cast(), 4 * n)]).map(double).collect() }
 }
 
 /// The images are equal bit for bit. Gradients are sums in another order.

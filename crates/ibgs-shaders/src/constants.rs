@@ -54,10 +54,10 @@ pub const CAMERA_GROUPS: u32 = 256;
 /// Weight of half the square of a photo's log gains and offsets beside its image loss.
 pub const EXPOSURE_PULL: f32 = 0.01;
 
-/// Values whose packed moments share a word of 32 bits: 2, or 1.
-pub const MOMENTS_A_WORD: u32 = 2;
-/// Bits of a value's packed second moment; the first has the others.
-pub const MOMENT2_BITS: u32 = 10;
+/// Bits of a value's packed first moment. Three values share two words of 32 bits.
+pub const MOMENT1_BITS: u32 = 9;
+/// Bits of its packed second moment.
+pub const MOMENT2_BITS: u32 = 12;
 
 /// Multiply-adds of a thread of `bench_fma` in one step.
 pub const BENCH_FMAS: u32 = 128;
@@ -83,7 +83,7 @@ pub(crate) fn whole_numbers() -> impl Iterator<Item = (&'static str, u32)> {
         ("SCAN_BLOCK", SCAN_BLOCK),
         ("EXPOSURE_GROUPS", EXPOSURE_GROUPS),
         ("CAMERA_GROUPS", CAMERA_GROUPS),
-        ("MOMENTS_A_WORD", MOMENTS_A_WORD),
+        ("MOMENT1_BITS", MOMENT1_BITS),
         ("MOMENT2_BITS", MOMENT2_BITS),
         ("BENCH_FMAS", BENCH_FMAS),
         ("SSIM_RADIUS", SSIM_RADIUS as u32),

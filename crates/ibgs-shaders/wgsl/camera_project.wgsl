@@ -18,7 +18,7 @@
 @group(0) @binding(6) var<storage, read> total: array<u32>;
 @group(0) @binding(7) var<storage, read> v_rotations: array<vec4<f32>>;
 @group(0) @binding(8) var<storage, read> v_log_scales: array<f32>;
-@group(0) @binding(9) var<storage, read> v_screen: array<vec4<f32>>;
+@group(0) @binding(9) var<storage, read> v_means: array<f32>;
 @group(0) @binding(10) var<storage, read_write> partials: array<vec4<f32>>;
 
 // By the direction that the Gaussian's colour is seen from.
@@ -46,7 +46,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) 
         let rq = quaternion_matrix(normalize(rotations[g]));
         let axes = mat3x3<f32>(view_rotate(rq[0]), view_rotate(rq[1]), view_rotate(rq[2]));
         let view = view_rotate(mean) + view_translation();
-        let by_xy = v_screen[g].xy;
+        let by_xy = vec2(v_means[3u * g], v_means[3u * g + 1u]);
         let by_cov = vec3(v_log_scales[3u * g], v_log_scales[3u * g + 1u], v_log_scales[3u * g + 2u]);
         let v = ewa_backward(ewa_project(view, axes, scale), view, axes, scale, by_xy, by_cov);
         // A turn leaves the camera's centre where it is, and with it the direction of the colour.

@@ -2,7 +2,7 @@
 #set train
 #stage project backward
 // One thread a Gaussian: carries the gradient from the projected quantities to the raw parameters (method.md sections 1 and 2).
-// sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_screen and v_log_scales (covariance). In between the threads
+// sum_rows.wgsl has left the former in v_rotations (colour, opacity), v_means and v_log_scales (covariance). In between the threads
 // share the workgroup's coefficients, one after the other as they lie in memory. The gradient of the coefficients is the basis times
 // that of the colour; only the latter is written.
 #import index
@@ -25,8 +25,6 @@
 @group(0) @binding(10) var<storage, read_write> v_opacity_logits: array<f32>;
 /// By the colour.
 @group(0) @binding(11) var<storage, read_write> v_colors: array<f32>;
-/// (x, y, |x|, |y|) by the projected mean in pixels, for densification.
-@group(0) @binding(12) var<storage, read_write> v_screen: array<vec4<f32>>;
 
 const THREADS: u32 = 128u;
 // Coefficients of a Gaussian, and one so that lanes read different banks.
@@ -43,7 +41,6 @@ fn store_zero(g: u32) {
     }
     v_rotations[g] = vec4(0.0);
     v_opacity_logits[g] = 0.0;
-    v_screen[g] = vec4(0.0);
 }
 
 // Leaves the weights of the coefficients of the workgroup's Gaussians, of which `first` is the first.
@@ -98,8 +95,7 @@ fn main(
         return;
     }
     let g = first + local;
-    let overflow = ran_out_of_room();
-    let counts = g < frame.count && !overflow && tile_counts[g] != 0u;
+    let counts = g < frame.count && !ran_out_of_room() && tile_counts[g] != 0u;
     group_colors[local] = vec3(0.0);
     if counts {
         let color = projected[3u * g + 2u].rgb;
@@ -116,13 +112,11 @@ fn main(
     if !counts {
         if g < frame.count {
             store_zero(g);
-            // An absolute value under zero: this view does not count for densification.
-            v_screen[g].w = select(0.0, -1.0, overflow);
         }
         return;
     }
     let by_color = v_rotations[g];
-    let by_xy = v_screen[g].xy;
+    let by_xy = vec2(v_means[3u * g], v_means[3u * g + 1u]);
     let by_cov = vec3(v_log_scales[3u * g], v_log_scales[3u * g + 1u], v_log_scales[3u * g + 2u]);
     let opacity = projected[3u * g + 1u].y;
     let mean = vec3(means[3u * g], means[3u * g + 1u], means[3u * g + 2u]);

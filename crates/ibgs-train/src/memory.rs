@@ -11,7 +11,7 @@
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (60 + 12 C) N |
 //! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
-//! | gradients | (72 {+ 16}) N |
+//! | gradients | (56 {+ 16}) N |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
 //! | surface | {16 N + (32 + 20 K) P} |
@@ -22,7 +22,7 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 //!
-//! With packed moments the optimiser has (28 + 4 ceil(3 C / 2) {+ 12}) N in place of the first. `p` are the pixels of a view at the
+//! With packed moments the optimiser has (36 + 8 C {+ 12}) N in place of the first. `p` are the pixels of a view at the
 //! network's factor, in training with bands those of a band, b at the image's: then (32 + 32 V) b are added.
 //!
 //! The network's are those of float32, the most that any precision takes.
@@ -212,7 +212,6 @@ impl Estimate {
             self.add("optimiser", what, bytes, buffers);
             self.add("densification", what, bytes, if grows { buffers } else { 0 });
         }
-        self.add("gradients", "screen positions", 16 * n, 1);
         self.add("optimiser", "densification statistics", 16 * n, 1);
         if image_based {
             self.add("optimiser", "network", 4 * WEIGHTS as u64, 2);

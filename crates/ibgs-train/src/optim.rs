@@ -1,5 +1,5 @@
 //! Adam for the Gaussians and the network (method.md sections 1 and 6): one fused kernel a tensor, in place. Moments of the
-//! Gaussians are packed in 16 bits a value unless the options say otherwise.
+//! Gaussians are packed in 21 bits a value unless the options say otherwise.
 
 use crate::autodiff::SplatGradients;
 use crate::tensor::{bind, primitive};
@@ -8,7 +8,6 @@ use bytemuck::Pod;
 use ibgs_core::config::{AdamConfig, AdamMoments, Method, TrainConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
 use ibgs_core::scene::{PerGaussian, Splats};
-use ibgs_shaders::MOMENTS_A_WORD;
 use ibgs_shaders::bindings::{
     AdamBindings, AdamHarmonicsBindings, AdamPackedBindings, AdamPackedHarmonicsBindings, FiniteBindings,
     OpacityResetBindings,
@@ -51,7 +50,9 @@ pub(super) fn moment_names(moments: AdamMoments) -> &'static [&'static str] {
 pub(super) fn moment_words(moments: AdamMoments, row: usize) -> usize {
     match moments {
         AdamMoments::Full => row,
-        AdamMoments::Packed => row.div_ceil(MOMENTS_A_WORD as usize),
+        // Three values share two words.
+        AdamMoments::Packed if row.is_multiple_of(3) => row / 3 * 2,
+        AdamMoments::Packed => row,
     }
 }
 
@@ -140,13 +141,14 @@ impl Learned {
     /// Records the kernel of its form; with `means` the values are spherical harmonics.
     fn launch(&self, pass: &mut Pass, gradient: &Buffer<f32>, params: &AdamParams, means: Option<&Buffer<f32>>) {
         let values = &self.parameter;
+        let threads = if self.row.is_multiple_of(3) { self.count / 3 } else { self.count };
         match (&self.moments[..], means) {
             ([moments], None) => {
-                pass.linear(&AdamPackedBindings { gradient, values, moments }, params, self.words());
+                pass.linear(&AdamPackedBindings { gradient, values, moments }, params, threads);
             }
             ([moments], Some(means)) => {
                 let buffers = AdamPackedHarmonicsBindings { gradient, values, moments, means };
-                pass.linear(&buffers, params, self.words());
+                pass.linear(&buffers, params, threads);
             }
             ([first, second], None) => {
                 let (moment1, moment2) = (&first.cast(), &second.cast());
@@ -280,7 +282,7 @@ impl Optimizer {
 
     /// Records one step of every parameter that has a gradient; they come from this view.
     pub fn record_step(&mut self, pass: &mut Pass, gradients: SplatGradients, rates: &Rates, view: &ViewUniforms) {
-        let gradients = gradients.parameters.map(|gradient| gradient.map(primitive));
+        let gradients = gradients.map(|gradient| gradient.map(primitive));
         self.steps[0] += 1;
         self.steps[1] += i32::from(gradients.normals.is_some());
         pass.relabel("adam");
@@ -312,7 +314,7 @@ mod tests {
     use super::*;
     use crate::bench::synthetic;
     use crate::parameters::Parameters;
-    use crate::tensor::{empty, from_primitive, upload};
+    use crate::tensor::{from_primitive, upload};
     use ibgs_reference::gpu::gpu;
 
     #[test]
@@ -351,9 +353,8 @@ mod tests {
                     let values: Vec<f32> = (0..5 * row).map(|i| (i as f32).sin()).collect();
                     Some(from_primitive(upload(&gpu, "gradient", &values, &[5 * row]).unwrap()))
                 };
-                let screen = from_primitive(empty(&gpu, "screen", &[5, 4]).unwrap());
                 let mut pass = Pass::new(&gpu, "test");
-                let gradients = SplatGradients { parameters: PerGaussian::gradient_rows().map(gradient), screen };
+                let gradients = PerGaussian::gradient_rows().map(gradient);
                 optimizer.record_step(&mut pass, gradients, &Rates::new(&config, rate, 1.0), &view);
                 pass.submit();
                 parameters.splats().download(&gpu).unwrap()

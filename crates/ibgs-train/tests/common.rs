@@ -3,7 +3,7 @@
 use burn::tensor::{Tensor, TensorData};
 use glam::DVec3;
 use ibgs_core::camera_change::CameraChange;
-use ibgs_core::raster::{CameraGradients, RasterView};
+use ibgs_core::raster::{CameraGradients, Forward, RasterView};
 use ibgs_core::scene::PerGaussian;
 use ibgs_core::sources::{WarpOptions, Warper};
 use ibgs_reference::geometry_backward::Cotangents;
@@ -26,7 +26,7 @@ pub fn values<const D: usize>(tensor: Tensor<D>) -> Vec<f64> {
 
 /// The gradients in the shapes of the twin: by the coefficients of the spherical harmonics in place of the colours.
 pub fn by_parameters(g: SplatGradients, p: &Params, view: &RasterView) -> PerGaussian<Option<Vec<f64>>> {
-    let gradients = g.parameters.map(|gradient| gradient.map(values));
+    let gradients = g.map(|gradient| gradient.map(values));
     let active = (view.sh_degree as usize + 1).pow(2);
     let by_coefficients = |(v, mean): (&[f64], &[f64; 3])| {
         let basis = sh::basis((DVec3::from(*mean) - view.camera.center()).normalize());
@@ -70,6 +70,18 @@ pub fn camera_gradient_of_image(p: &Params, view: &RasterView, cotangent: &[[f64
     cameras.read(&gpu()).unwrap()[0]
 }
 
+/// The rows of the intersections by screen position, summed by Gaussian: (x, y, |x|, |y|) in pixels, `[N, 4]`.
+fn screen_sums(forward: &Forward) -> Vec<f64> {
+    let (gpu, workspace, n) = (gpu(), &forward.workspace, forward.frame.count as usize);
+    let read = |buffer| gpu.read(buffer, n).unwrap();
+    let rows = gpu.read(&workspace.rows[1], workspace.rows[1].rows()).unwrap();
+    let sum = |(offset, count): (u32, u32)| {
+        let own = &rows[offset as usize..][..count as usize];
+        [0, 1, 2, 3].map(|c| own.iter().map(|row| f64::from(row[c])).sum::<f64>())
+    };
+    read(&workspace.offsets).into_iter().zip(read(&workspace.tile_counts)).flat_map(sum).collect()
+}
+
 fn gradients_with(
     p: &Params,
     view: &RasterView,
@@ -80,15 +92,14 @@ fn gradients_with(
     let model = parameters(p);
     // Makes room for every intersection.
     raster.render(model.splats(), view).unwrap();
-    let leaves = Leaves::new(&gpu(), &model).unwrap();
-    let (image, _pass) = autodiff::rasterized(&raster, &leaves, view, cameras).unwrap();
+    let leaves = Leaves::new(&model);
+    let (image, forward) = autodiff::rasterized(&raster, &leaves, view, cameras, None).unwrap();
     let shape = image.dims();
     let cotangent: Vec<f32> = cotangent.as_flattened().iter().map(|v| *v as f32).collect();
     let cotangent = Tensor::<3>::from_data(TensorData::new(cotangent, shape), &image.device());
     let mut grads = (image * cotangent).sum().backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let screen = values(g.screen.clone());
-    GpuGradients { tensors: by_parameters(g, p, view), screen }
+    GpuGradients { tensors: by_parameters(g, p, view), screen: screen_sums(&forward) }
 }
 
 /// A scene's model as a training has it.
@@ -127,9 +138,9 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     raster.render(model.splats(), view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
     let warper = Warper::new(gpu.clone(), warping);
-    let leaves = Leaves::new(&gpu, &model).unwrap();
+    let leaves = Leaves::new(&model);
     let cameras = CameraGradients::new(&gpu, sources.len()).unwrap();
-    let (image, forward) = autodiff::rasterized(&raster, &leaves, view, Some(&cameras)).unwrap();
+    let (image, forward) = autodiff::rasterized(&raster, &leaves, view, Some(&cameras), None).unwrap();
     let (warped, pass) = autodiff::warped(&warper, &image, &forward, &sources).unwrap();
     let seen = pass.seen;
     let surface = forward.surface().unwrap();
@@ -161,7 +172,7 @@ pub fn surface(scene: &Scene, view: &RasterView, warping: WarpOptions, v: &Cotan
     let v_warped = tensor(floats(v_warped), [visible, pixels, 4]).autodiff();
     let mut grads = ((image * v_image).sum() + (warped * v_warped).sum()).backward();
     let g = leaves.gradients(&mut grads).expect("the image reaches the loss");
-    let screen = values(g.screen.clone());
+    let screen = screen_sums(&forward);
     let pair = |from: usize| screen.chunks_exact(4).flat_map(|row| [row[from], row[from + 1]]).collect::<Vec<_>>();
     let parameters =
         by_parameters(g, &scene.params, view).map(|gradient| gradient.expect("a surface has plane gradients"));

@@ -6,30 +6,38 @@ use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::scene::{Harmonics, PerGaussian, Splats};
 use ibgs_shaders::CAMERA_GROUPS;
 use ibgs_shaders::bindings::{
-    CameraPlanesBindings, CameraProjectBindings, CameraSurfaceBindings, PlanesBackwardBindings,
+    CameraPlanesBindings, CameraProjectBindings, CameraSurfaceBindings, DensifyObserveBindings, PlanesBackwardBindings,
     ProjectBackwardBindings, RasterizeBackwardBindings, RasterizeSurfaceBackwardBindings, SumRowsBindings,
     SumRowsSurfaceBindings,
 };
+use ibgs_shaders::types::ObserveParams;
 
-/// Where the gradients of one backward pass go, float32; contents before are overwritten.
+/// Where the gradients of one backward pass by the raw parameters go, float32, in rows of [`PerGaussian::gradient_rows`]; contents
+/// before are overwritten. Those of the planes are there where the pass has a surface.
+pub type RasterGradients = PerGaussian<Option<Buffer<f32>>>;
+
+/// Densification statistics, to which a backward pass adds its view (`densify_observe`).
 #[derive(Clone, Debug)]
-pub struct RasterGradients {
-    /// By the raw parameters, in rows of [`PerGaussian::gradient_rows`]. Those of the planes are there where the pass has a surface.
-    pub parameters: PerGaussian<Option<Buffer<f32>>>,
-    /// (x, y, |x|, |y|) by the projected mean in pixels, summed over pixels, `[N, 4]`.
-    pub screen: Buffer<[f32; 4]>,
+pub struct ScreenStatistics {
+    /// Four numbers a Gaussian.
+    pub values: Buffer<[f32; 4]>,
+    /// The largest norm over the views, in place of sums.
+    pub largest: bool,
+    /// Gradients of Gaussians nearer than this view depth count less in the sums.
+    pub near_depth: f32,
 }
 
 impl Forward {
     /// Gradients from that of the image, `[H, W, 3]`, and, with a surface, from those that were added to it
-    /// ([`Surface::v`](super::Surface::v)). That by the camera is added to [`Forward::cameras`].
+    /// ([`Surface::v`](super::Surface::v)). That by the camera is added to [`Forward::cameras`], the view to
+    /// [`Forward::statistics`].
     ///
     /// # Panics
     /// When the pass did not keep what its gradients need, `v` lacks some or has too many, or the spherical harmonics are halves: bugs of
     /// ours.
     pub fn backward(&self, gpu: &Gpu, splats: &Splats, v_image: &Buffer<f32>, v: &RasterGradients) {
         let needed = PerGaussian::with_gradients(self.surface.is_some());
-        assert_eq!(v.parameters.as_ref().map(Option::is_some), needed, "gradients that the pass makes");
+        assert_eq!(v.as_ref().map(Option::is_some), needed, "gradients that the pass makes");
         assert_eq!(splats.harmonics, Harmonics::Full, "precision of what learns");
         let mut pass = Pass::new(gpu, "rasterize backward");
         self.record_blend(&mut pass, v_image);
@@ -49,11 +57,12 @@ impl Forward {
         assert!(self.surface.is_none(), "a surface has more gradients");
         // Zero for those that are not seen.
         let sums = gpu.allocate("sums of Gaussians", count)?;
-        let (screen, covariances) =
-            (gpu.transient("screen sums", count)?, gpu.transient("covariance sums", 3 * count)?);
+        let sum = |what, row: usize| gpu.transient(what, row * count);
+        let (screen, heights, covariances) =
+            (sum("screen sums", 3)?, sum("screen sums of heights", 1)?, sum("covariance sums", 3)?);
         let mut pass = Pass::new(gpu, "weighted sums");
         self.record_blend(&mut pass, values);
-        self.record_row_sums(&mut pass, count, [&sums, &screen], &covariances);
+        self.record_row_sums(&mut pass, count, &sums, [&screen, &heights, &covariances]);
         pass.submit();
         gpu.read(&sums, count)
     }
@@ -132,7 +141,7 @@ impl Forward {
         let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
         let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
         let partials = cameras.partials();
-        let Base { v_rotations, v_log_scales, v_screen, .. } = base;
+        let Base { v_means, v_rotations, v_log_scales, .. } = base;
         let project = CameraProjectBindings {
             means,
             rotations: &splats.rotations(),
@@ -143,7 +152,7 @@ impl Forward {
             total,
             v_rotations,
             v_log_scales,
-            v_screen,
+            v_means,
             partials,
         };
         pass.groups(&project, &self.frame, CAMERA_GROUPS as usize);
@@ -165,13 +174,30 @@ impl Forward {
         }
     }
 
+    /// What the sums by Gaussian say for densification; before they become gradients of the parameters.
+    fn record_statistics(&self, pass: &mut Pass, count: usize, base: Base) {
+        let Some(ScreenStatistics { values: statistics, largest, near_depth }) = &self.statistics else { return };
+        let params = ObserveParams {
+            size: self.frame.size,
+            count: self.frame.count,
+            near_depth: *near_depth,
+            largest: u32::from(*largest),
+            capacity: self.frame.capacity,
+        };
+        let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
+        let Base { v_means, v_opacity_logits, .. } = base;
+        let observe =
+            DensifyObserveBindings { projected, tile_counts, total, v_means, v_opacity_logits, statistics };
+        pass.linear(&observe, &params, count);
+    }
+
     /// Sums the rows of the tile intersections of a pass without a surface by Gaussian.
     fn record_row_sums(
         &self,
         pass: &mut Pass,
         count: usize,
-        [v_rotations, v_screen]: [&Buffer<[f32; 4]>; 2],
-        v_log_scales: &Buffer<f32>,
+        v_rotations: &Buffer<[f32; 4]>,
+        [v_means, v_opacity_logits, v_log_scales]: [&Buffer<f32>; 3],
     ) {
         let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
@@ -183,7 +209,8 @@ impl Forward {
             v_isect_xy,
             v_isect_cov,
             v_rotations,
-            v_screen,
+            v_means,
+            v_opacity_logits,
             v_log_scales,
         };
         pass.linear(&sums, &self.frame, count);
@@ -193,9 +220,9 @@ impl Forward {
     fn record_sums(&self, pass: &mut Pass, count: usize, base: Base, planes: Option<[&Buffer<f32>; 2]>) {
         let Workspace { offsets, tile_counts, total, rows, .. } = &**self.workspace;
         let [v_isect_color, v_isect_xy, v_isect_cov] = [0, 1, 2].map(|i| &rows[i]);
-        let Base { v_rotations, v_log_scales, v_screen, .. } = base;
+        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, .. } = base;
         match planes {
-            None => self.record_row_sums(pass, count, [v_rotations, v_screen], v_log_scales),
+            None => self.record_row_sums(pass, count, v_rotations, [v_means, v_opacity_logits, v_log_scales]),
             Some([v_normals, v_plane_offsets]) => {
                 let sums = SumRowsSurfaceBindings {
                     offsets,
@@ -205,7 +232,8 @@ impl Forward {
                     v_isect_xy,
                     v_isect_cov,
                     v_rotations,
-                    v_screen,
+                    v_means,
+                    v_opacity_logits,
                     v_log_scales,
                     v_isect_plane: &rows[3],
                     v_normals,
@@ -219,13 +247,14 @@ impl Forward {
     fn record_project(&self, pass: &mut Pass, splats: &Splats, v: &RasterGradients) {
         let PerGaussian { means, log_scales, sh, normals, offsets: plane_offsets, .. } = &splats.parameters;
         let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
-        let v_rotations = v.parameters.rotations.as_ref().expect("the base has gradients").cast();
+        let v_rotations = v.rotations.as_ref().expect("the base has gradients").cast();
         let base = Base::of(v, &v_rotations);
-        let surface = self.surface.as_ref().zip(v.parameters.normals.as_ref().zip(v.parameters.offsets.as_ref()));
+        let surface = self.surface.as_ref().zip(v.normals.as_ref().zip(v.offsets.as_ref()));
         let planes = surface.map(|(_, (normals, offsets))| [normals, offsets]);
         self.record_sums(pass, splats.count, base, planes);
         self.record_camera(pass, splats, base, planes);
-        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors, v_screen } = base;
+        self.record_statistics(pass, splats.count, base);
+        let Base { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors } = base;
         let project = ProjectBackwardBindings {
             means,
             rotations: &splats.rotations(),
@@ -239,7 +268,6 @@ impl Forward {
             v_log_scales,
             v_opacity_logits,
             v_colors,
-            v_screen,
         };
         pass.linear(&project, &self.frame, splats.count);
         if let Some((s, (v_normals, v_plane_offsets))) = surface {
@@ -268,7 +296,6 @@ struct Base<'a> {
     v_log_scales: &'a Buffer<f32>,
     v_opacity_logits: &'a Buffer<f32>,
     v_colors: &'a Buffer<f32>,
-    v_screen: &'a Buffer<[f32; 4]>,
 }
 
 impl<'a> Base<'a> {
@@ -279,10 +306,10 @@ impl<'a> Base<'a> {
             opacity_logits: Some(v_opacity_logits),
             sh: Some(v_colors),
             ..
-        } = &v.parameters
+        } = v
         else {
             unreachable!("the base has gradients")
         };
-        Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors, v_screen: &v.screen }
+        Self { v_means, v_rotations, v_log_scales, v_opacity_logits, v_colors }
     }
 }

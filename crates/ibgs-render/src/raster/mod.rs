@@ -7,7 +7,8 @@
 //!
 //! With a surface ([`RasterView::surface`]) `planes` follows the projection, `rasterize_surface`, or `rasterize_surface_image`
 //! without gradients, takes the place of `rasterize`, and `rasterize_surface_backward` and `planes_backward` join the backward pass.
-//! For gradients by the camera ([`Forward::cameras`]) `camera_surface`, `camera_project` and `camera_planes` join it too.
+//! For gradients by the camera ([`Forward::cameras`]) `camera_surface`, `camera_project` and `camera_planes` join it too, for the
+//! statistics of densification ([`Forward::statistics`]) `densify_observe`.
 
 mod backward;
 mod camera;
@@ -17,7 +18,7 @@ mod surface;
 mod view;
 mod workspace;
 
-pub use backward::RasterGradients;
+pub use backward::{RasterGradients, ScreenStatistics};
 pub use camera::CameraGradients;
 pub use dropout::{Dropout, iteration_seed};
 pub use surface::{Surface, SurfaceOptions};
@@ -66,6 +67,8 @@ pub struct Forward {
     surface: Option<Arc<Lease<Surface>>>,
     /// Where the backward passes of this view add the gradients by cameras; none where nobody asks for them.
     pub cameras: Option<CameraGradients>,
+    /// Where its backward passes add the view for densification; none where it does not count.
+    pub statistics: Option<ScreenStatistics>,
 }
 
 const LABEL: &str = "rasterize";
@@ -207,7 +210,7 @@ impl Rasterizer {
                 s.record(pass, (&ws, sorted_gaussians), &image, grid);
             }
         }
-        Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface, cameras: None })
+        Ok(Forward { image, frame, workspace: Arc::new(self.pool.lease(ws)), surface, cameras: None, statistics: None })
     }
 
     fn leased_workspace(&self, splats: &Splats, view: &RasterView, rows: usize) -> Result<Workspace, GpuError> {

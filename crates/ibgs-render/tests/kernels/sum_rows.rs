@@ -15,13 +15,13 @@ fn record(
     params: &ViewUniforms,
     lists: &[Buffer<u32>; 3],
     rows: &[Buffer<[f32; 4]>; 4],
-    sums: &[Buffer<f32>; 5],
+    sums: &[Buffer<f32>; 6],
     surface: bool,
 ) {
     let [offsets, tile_counts, total] = lists;
     let [v_isect_color, v_isect_xy, v_isect_cov, v_isect_plane] = rows;
-    let [v_rotations, v_screen, v_log_scales, v_normals, v_plane_offsets] = sums;
-    let (v_rotations, v_screen) = (&v_rotations.cast(), &v_screen.cast());
+    let [v_rotations, v_means, v_opacity_logits, v_log_scales, v_normals, v_plane_offsets] = sums;
+    let v_rotations = &v_rotations.cast();
     if surface {
         let buffers = SumRowsSurfaceBindings {
             offsets,
@@ -31,7 +31,8 @@ fn record(
             v_isect_xy,
             v_isect_cov,
             v_rotations,
-            v_screen,
+            v_means,
+            v_opacity_logits,
             v_log_scales,
             v_isect_plane,
             v_normals,
@@ -47,7 +48,8 @@ fn record(
             v_isect_xy,
             v_isect_cov,
             v_rotations,
-            v_screen,
+            v_means,
+            v_opacity_logits,
             v_log_scales,
         };
         pass.linear(&buffers, params, params.count as usize);
@@ -88,21 +90,21 @@ fn small_and_large_gaussians_have_the_sums_of_their_rows() {
             let outputs = |width: usize| gpu.upload("test", &vec![UNTOUCHED; width * n]).unwrap();
             let lists = [upload(&offsets), upload(&counts), upload(&[total])];
             let inputs = rows.each_ref().map(|row| gpu.upload("test", row.as_chunks().0).unwrap());
-            let out = [outputs(4), outputs(4), outputs(3), outputs(3), outputs(1)];
+            let out = [4, 3, 1, 3, 3, 1].map(outputs);
             let params = ViewUniforms { count: n as u32, capacity: room, ..ViewUniforms::default() };
             let mut pass = Pass::new(&gpu, "test");
             record(&mut pass, &params, &lists, &inputs, &out, surface);
             pass.submit();
-            let read = |index: usize, width: usize| gpu.read(&out[index], width * n).unwrap();
-            let found = [read(0, 4), read(1, 4), read(2, 3), read(3, 3), read(4, 1)];
+            let found = out.each_ref().map(|buffer| gpu.read(buffer, buffer.rows()).unwrap());
             for (g, &first) in offsets.iter().enumerate() {
                 let first = first as usize;
                 let sum = |row: usize, c: usize| -> f64 {
                     (first..first + counts[g] as usize).map(|i| f64::from(rows[row][4 * i + c])).sum()
                 };
-                let expected: [Vec<f64>; 5] = [
+                let expected: [Vec<f64>; 6] = [
                     (0..4).map(|c| sum(0, c)).collect(),
-                    (0..4).map(|c| sum(1, c)).collect(),
+                    (0..3).map(|c| sum(1, c)).collect(),
+                    vec![sum(1, 3)],
                     (0..3).map(|c| sum(2, c)).collect(),
                     (0..3).map(|c| sum(3, c)).collect(),
                     vec![sum(3, 3)],
@@ -111,7 +113,7 @@ fn small_and_large_gaussians_have_the_sums_of_their_rows() {
                 for (index, expected) in expected.iter().enumerate() {
                     let width = expected.len();
                     for (c, expected) in expected.iter().enumerate() {
-                        let expected = if written && (index < 3 || surface) { *expected } else { UNTOUCHED.into() };
+                        let expected = if written && (index < 4 || surface) { *expected } else { UNTOUCHED.into() };
                         let error = (f64::from(found[index][width * g + c]) - expected).abs();
                         assert!(error < 1e-4, "{n} Gaussians, {} rows of {g}, output {index}: {error:e}", counts[g]);
                     }

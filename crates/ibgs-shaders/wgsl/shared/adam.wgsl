@@ -58,6 +58,12 @@ fn adam_value(value: f32, column: u32, m: vec2<f32>) -> f32 {
 /// By the colour of each Gaussian.
 @group(0) @binding(0) var<storage, read> gradient: array<f32>;
 
+// How the colour of a Gaussian depends on its coefficient c.
+fn harmonic(row: u32, c: u32) -> f32 {
+    let mean = vec3(means[3u * row], means[3u * row + 1u], means[3u * row + 2u]);
+    return sh_basis_value(normalize(mean - params.center), c);
+}
+
 // Gradient by a value of a row. Without that by its colour the mean may be no number.
 fn adam_gradient(row: u32, column: u32) -> f32 {
     let v_color = gradient[3u * row + column % 3u];
@@ -65,8 +71,17 @@ fn adam_gradient(row: u32, column: u32) -> f32 {
     if c >= sh_count(params.sh_degree) || v_color == 0.0 {
         return 0.0;
     }
-    let mean = vec3(means[3u * row], means[3u * row + 1u], means[3u * row + 2u]);
-    return sh_basis_value(normalize(mean - params.center), c) * v_color;
+    return harmonic(row, c) * v_color;
+}
+
+// The same by the three values from this column on.
+fn adam_gradients(row: u32, column: u32) -> vec3<f32> {
+    let v_color = vec3(gradient[3u * row], gradient[3u * row + 1u], gradient[3u * row + 2u]);
+    let c = column / 3u;
+    if c >= sh_count(params.sh_degree) || all(v_color == vec3(0.0)) {
+        return vec3(0.0);
+    }
+    return harmonic(row, c) * v_color;
 }
 #else
 @group(0) @binding(0) var<storage, read> gradient: array<f32>;
@@ -74,5 +89,11 @@ fn adam_gradient(row: u32, column: u32) -> f32 {
 // Gradient by a value of a row.
 fn adam_gradient(row: u32, column: u32) -> f32 {
     return gradient[row * params.row + column];
+}
+
+// The same by the three values from this column on.
+fn adam_gradients(row: u32, column: u32) -> vec3<f32> {
+    let i = row * params.row + column;
+    return vec3(gradient[i], gradient[i + 1u], gradient[i + 2u]);
 }
 #endif

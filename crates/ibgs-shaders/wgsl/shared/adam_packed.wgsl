@@ -1,5 +1,5 @@
-// One thread a word of moments: a step of its values. A row begins with a word. The step itself is made with moments that are
-// not rounded yet.
+// One thread a step of three values of a row, whose moments share two words, or of one in rows that three do not divide. The step
+// itself is made with moments that are not rounded yet.
 #import index
 #import hash
 #import adam
@@ -16,23 +16,31 @@ fn main(
     @builtin(num_workgroups) groups: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
 ) {
-    let words = (params.row + MOMENTS_A_WORD - 1u) / MOMENTS_A_WORD;
-    let word = linear_workgroup(wid, groups) * 256u + local;
-    if word >= params.count / params.row * words {
+    let at = linear_workgroup(wid, groups) * 256u + local;
+    let size = select(1u, 3u, params.row % 3u == 0u);
+    let first = at * size;
+    if first >= params.count {
         return;
     }
-    let packed = moments[word];
-    let row = word / words;
-    let begin = word % words * MOMENTS_A_WORD;
-    var random = hash(word ^ hash(params.step));
-    var next = 0u;
-    for (var k = 0u; k < MOMENTS_A_WORD && begin + k < params.row; k++) {
-        let i = row * params.row + begin + k;
-        let code = extractBits(packed, k * MOMENT_BITS, MOMENT_BITS);
-        let m = adam_moments(unpack_moments(code), adam_gradient(row, begin + k));
-        values[i] = adam_value(values[i], begin + k, m);
-        next = insertBits(next, pack_moments(m, random), k * MOMENT_BITS, MOMENT_BITS);
-        random = hash(random);
+    let row = first / params.row;
+    let column = first % params.row;
+    var random = hash(at ^ hash(params.step));
+    if size == 1u {
+        let m = adam_moments(unpack_moments(moments[at]), adam_gradient(row, column));
+        values[first] = adam_value(values[first], column, m);
+        moments[at] = pack_moments(m, random);
+        return;
     }
-    moments[word] = next;
+    let codes = split_codes(vec2(moments[2u * at], moments[2u * at + 1u]));
+    let v = adam_gradients(row, column);
+    var next: vec3<u32>;
+    #repeat k 3
+    let m$k = adam_moments(unpack_moments(codes[$k]), v[$k]);
+    values[first + $ku] = adam_value(values[first + $ku], column + $ku, m$k);
+    next[$k] = pack_moments(m$k, random);
+    random = hash(random);
+    #end
+    let words = join_codes(next);
+    moments[2u * at] = words.x;
+    moments[2u * at + 1u] = words.y;
 }

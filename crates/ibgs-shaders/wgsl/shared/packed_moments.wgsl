@@ -1,8 +1,7 @@
 // Both moments of a value of Adam in a code: the root s of the second as a logarithm in MOMENT2_BITS bits (0: zero), the first as
-// the ratio r = m1 / s in the other bits, signed and with its square root in even steps. Rounding is stochastic: the expected
+// the ratio r = m1 / s in MOMENT1_BITS bits, signed and with its square root in even steps. Rounding is stochastic: the expected
 // moments are those that are packed, but where s is below the smallest step, whose first moment is lost with it.
-const MOMENT_BITS: u32 = 32u / MOMENTS_A_WORD;
-const MOMENT1_BITS: u32 = MOMENT_BITS - MOMENT2_BITS;
+const MOMENT_BITS: u32 = MOMENT1_BITS + MOMENT2_BITS;
 const SCALE_MOST: f32 = f32((1u << MOMENT2_BITS) - 1u);
 // Binary logarithms of the smallest s and of the largest, from code 1 to SCALE_MOST.
 const SCALE_FIRST: f32 = -44.0;
@@ -51,4 +50,16 @@ fn pack_moments(m: vec2<f32>, random: u32) -> u32 {
     let up = unit16(random >> 16u) * (2.0 * root + 1.0) < ratio - root * root;
     let steps = i32(root) + select(0, 1, up);
     return insertBits(u32(code), bitcast<u32>(select(steps, -steps, m.x < 0.0)), MOMENT2_BITS, MOMENT1_BITS);
+}
+
+// The codes of three values in two words: two at the bottom, the third in what is left of both.
+fn split_codes(words: vec2<u32>) -> vec3<u32> {
+    let both = extractBits(words, 0u, MOMENT_BITS);
+    let rest = words >> vec2(MOMENT_BITS);
+    return vec3(both, insertBits(rest.x, rest.y, 32u - MOMENT_BITS, 2u * MOMENT_BITS - 32u));
+}
+
+fn join_codes(codes: vec3<u32>) -> vec2<u32> {
+    let rest = vec2(codes.z, codes.z >> (32u - MOMENT_BITS));
+    return insertBits(codes.xy, rest, MOMENT_BITS, 32u - MOMENT_BITS);
 }

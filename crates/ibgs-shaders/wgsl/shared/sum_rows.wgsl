@@ -1,6 +1,6 @@
 // One thread a Gaussian: the rows of gradients of its intersections, which lie one behind the other, summed in a
-// fixed order. The sums go where the gradients go that `project_backward` and `planes_backward` make of them. SURFACE: with the
-// planes' rows.
+// fixed order. The sums go where the gradients go that `project_backward` and `planes_backward` make of them: colour and opacity to
+// the rotations, (x, y, |x|) to the means and |y| to the opacities, covariance to the scales. SURFACE: with the planes' rows.
 //
 // SUBGROUPS: the rows of a large Gaussian are summed by the lanes of its subgroup together, because one thread would take longer
 // for them than the others for all of theirs.
@@ -16,12 +16,13 @@
 @group(0) @binding(4) var<storage, read> v_isect_xy: array<vec4<f32>>;
 @group(0) @binding(5) var<storage, read> v_isect_cov: array<vec4<f32>>;
 @group(0) @binding(6) var<storage, read_write> v_rotations: array<vec4<f32>>;
-@group(0) @binding(7) var<storage, read_write> v_screen: array<vec4<f32>>;
-@group(0) @binding(8) var<storage, read_write> v_log_scales: array<f32>;
+@group(0) @binding(7) var<storage, read_write> v_means: array<f32>;
+@group(0) @binding(8) var<storage, read_write> v_opacity_logits: array<f32>;
+@group(0) @binding(9) var<storage, read_write> v_log_scales: array<f32>;
 #if SURFACE
-@group(0) @binding(9) var<storage, read> v_isect_plane: array<vec4<f32>>;
-@group(0) @binding(10) var<storage, read_write> v_normals: array<f32>;
-@group(0) @binding(11) var<storage, read_write> v_plane_offsets: array<f32>;
+@group(0) @binding(10) var<storage, read> v_isect_plane: array<vec4<f32>>;
+@group(0) @binding(11) var<storage, read_write> v_normals: array<f32>;
+@group(0) @binding(12) var<storage, read_write> v_plane_offsets: array<f32>;
 #endif
 
 // Parts of the Gaussians, of which neighbouring threads take one each.
@@ -110,7 +111,10 @@ fn main(
         return;
     }
     v_rotations[g] = sum.color;
-    v_screen[g] = sum.xy;
+    v_means[3u * g] = sum.xy.x;
+    v_means[3u * g + 1u] = sum.xy.y;
+    v_means[3u * g + 2u] = sum.xy.z;
+    v_opacity_logits[g] = sum.xy.w;
     v_log_scales[3u * g] = sum.cov.x;
     v_log_scales[3u * g + 1u] = sum.cov.y;
     v_log_scales[3u * g + 2u] = sum.cov.z;

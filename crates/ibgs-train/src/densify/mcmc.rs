@@ -56,9 +56,9 @@ impl Strategy for Mcmc {
         let opacities = activation::sigmoid(parameters.opacity_logits());
         let slope = opacities.clone() * (opacities.neg() + 1.0);
         let add = |gradient: &mut Option<Tensor<1>>, more| *gradient = gradient.clone().map(|gradient| gradient + more);
-        add(&mut gradients.parameters.opacity_logits, slope * (config.opacity_weight / n));
+        add(&mut gradients.opacity_logits, slope * (config.opacity_weight / n));
         let scales = parameters.log_scales().exp();
-        add(&mut gradients.parameters.log_scales, scales * (config.scale_weight / (3.0 * n)));
+        add(&mut gradients.log_scales, scales * (config.scale_weight / (3.0 * n)));
     }
 
     /// Records a random step of every mean, of its Gaussian's shape and large where the Gaussian is transparent.

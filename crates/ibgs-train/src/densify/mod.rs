@@ -19,16 +19,15 @@ pub use published::Published;
 use super::optim::{Optimizer, moment_words};
 use crate::autodiff::SplatGradients;
 use crate::parameters::Parameters;
-use crate::tensor::{self, bind, bind_rows, primitive};
-use burn::tensor::Tensor;
+use crate::tensor::{self, bind};
 use free_space::FreeSpace;
 use glam::{DVec3, Vec3};
 use ibgs_core::config::{self, DensifyConfig};
 use ibgs_core::gpu::{Buffer, Gpu, GpuError, Pass};
-use ibgs_core::raster::Forward;
+use ibgs_core::raster::ScreenStatistics;
 use ibgs_core::scene::{PerGaussian, Splats};
-use ibgs_shaders::bindings::{DensifyGatherBindings, DensifyObserveBindings};
-use ibgs_shaders::types::{GatherParams, ObserveParams};
+use ibgs_shaders::bindings::DensifyGatherBindings;
+use ibgs_shaders::types::GatherParams;
 use rand_chacha::ChaCha8Rng;
 use std::fmt::Debug;
 
@@ -115,7 +114,7 @@ pub enum Over {
     Largest,
 }
 
-/// What [`Statistics::record`] keeps of a view.
+/// What [`Statistics::of_views`] keeps of a view.
 #[derive(Clone, Copy, Debug, PartialEq)]
 pub struct Reduction {
     /// How the views become one.
@@ -219,28 +218,10 @@ impl Statistics {
         Ok(Self { values: gpu.upload("densification statistics", values.as_chunks().0)?, count: values.len() / 4 })
     }
 
-    /// Records one view, from its screen-space gradient `[N, 4]` and its rasterizer pass.
-    pub fn record(
-        &self,
-        pass: &mut Pass,
-        screen: Tensor<2>,
-        forward: &Forward,
-        Reduction { over, near_depth }: Reduction,
-    ) {
-        let params = ObserveParams {
-            size: forward.frame.size,
-            count: self.count as u32,
-            near_depth: near_depth as f32,
-            largest: u32::from(over == Over::Largest),
-            pad: 0,
-        };
-        let gradient = bind_rows(&primitive(screen));
-        pass.relabel("densify observe");
-        let workspace = &forward.workspace;
-        let (projected, statistics) = (&workspace.projected, &self.values);
-        let buffers = DensifyObserveBindings { v_screen: &gradient, projected, statistics };
-        pass.linear(&buffers, &params, self.count);
-        pass.keep(gradient);
+    /// Where a backward pass adds its view.
+    pub fn of_views(&self, Reduction { over, near_depth }: Reduction) -> ScreenStatistics {
+        let (largest, near_depth) = (over == Over::Largest, near_depth as f32);
+        ScreenStatistics { values: self.values.clone(), largest, near_depth }
     }
 
     /// Reads back everything that a plan needs; waits for the GPU.

@@ -11,7 +11,7 @@ use burn::tensor::{Gradients, Tensor};
 use ibgs_core::dataset::HostPhoto;
 use ibgs_core::exposure::Exposures;
 use ibgs_core::gpu::{Batch, GpuError, Mark, Pass, flush};
-use ibgs_core::raster::Forward;
+use ibgs_core::raster::{Forward, ScreenStatistics};
 use ibgs_core::sources::{DevicePhoto, Outside};
 use rand::seq::SliceRandom;
 
@@ -54,9 +54,6 @@ impl Trainer {
         let mut pass = Pass::new(&gpu, "end of iteration");
         if let (Some(exposing), Some(exposures)) = (&mut self.exposing, &rendered.exposures) {
             exposing.record_step(&mut pass, index, exposures, self.schedule.exposure_lr(self.iteration));
-        }
-        if self.schedule.grows_at(self.iteration) {
-            self.record_statistics(&mut pass, &rendered.forward, gradients.screen.clone());
         }
         self.record_splat_step(&mut pass, gradients, &rendered.forward);
         if let Some(stages) = &mut self.stages {
@@ -103,10 +100,11 @@ impl Trainer {
         let exposing = self.exposing.as_ref().filter(|_| self.schedule.exposure_at(iteration));
         let sources = self.sources(index, iteration);
         let exposures = exposing.map(|exposing| exposing.of(index, &sources)).transpose()?;
-        let leaves = Leaves::new(&self.gpu, &self.parameters)?;
+        let leaves = Leaves::new(&self.parameters);
         let refining = self.refining.as_ref().filter(|_| self.schedule.poses_at(iteration));
         let cameras = refining.map(Refining::cleared);
-        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index), cameras)?;
+        let statistics = self.statistics_at(iteration);
+        let (image, forward) = autodiff::rasterized(&self.raster, &leaves, &self.view(index), cameras, statistics)?;
         let shown = match &exposures {
             Some(exposures) => autodiff::exposed(exposures, &image, &forward)?,
             None => image.clone(),
@@ -136,11 +134,10 @@ impl Trainer {
         gradients
     }
 
-    /// Records what the strategy learns from the view; `screen` is the gradient by screen position.
-    fn record_statistics(&self, pass: &mut Pass, forward: &Forward, screen: Tensor<2>) {
-        if let Some(reduction) = self.strategy.reduction(&self.config.densify, self.extent) {
-            self.statistics.record(pass, screen, forward, reduction);
-        }
+    /// Where the strategy learns from the view of an iteration; none where it does not.
+    fn statistics_at(&self, iteration: u32) -> Option<ScreenStatistics> {
+        let reduction = self.strategy.reduction(&self.config.densify, self.extent);
+        reduction.filter(|_| self.schedule.grows_at(iteration)).map(|reduction| self.statistics.of_views(reduction))
     }
 
     /// Records the step of the Gaussians, and what the strategy does after it.

@@ -99,11 +99,11 @@ fn on_gpu(case: &Case, part: Part) -> OnGpu {
     // Makes room for every intersection.
     raster.render(model.splats(), &view).unwrap();
     let sources: Vec<_> = scene.sources.iter().map(source_view).collect();
-    let leaves = Leaves::new(&gpu, &model).unwrap();
+    let leaves = Leaves::new(&model);
     let flat: Vec<f32> = case.weights.iter().map(|w| *w as f32).collect();
     let weights =
         Tensor::<1>::from_data(TensorData::new(flat, [WEIGHTS]), device(&gpu).unwrap()).autodiff().require_grad();
-    let (base, forward) = autodiff::rasterized(&raster, &leaves, &view, None).unwrap();
+    let (base, forward) = autodiff::rasterized(&raster, &leaves, &view, None, None).unwrap();
     let warper = Warper::new(gpu.clone(), warping(scene));
     let (warped, pass) = autodiff::warped(&warper, &base, &forward, &sources).unwrap();
     let seen = &pass.seen;

@@ -31,8 +31,8 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let model = parameters(&params);
         // Makes room for every intersection.
         raster.render(model.splats(), &view).unwrap();
-        let leaves = Leaves::new(&gpu, &model).unwrap();
-        let (image, forward) = autodiff::rasterized(&raster, &leaves, &view, None).unwrap();
+        let leaves = Leaves::new(&model);
+        let (image, forward) = autodiff::rasterized(&raster, &leaves, &view, None, None).unwrap();
         let twin_forward = render_twin(&params, &camera, background.map(f64::from), 1);
         let colors = values(image.clone().inner()).as_chunks().0.to_vec();
         let twin = Image { colors, transmittance: twin_forward.final_t, background: background.map(f64::from) };
@@ -52,13 +52,13 @@ fn an_image_in_a_photos_exposure_follows_its_twin() {
         let mut through = (shown * cotangent).sum().backward();
         let through = leaves.gradients(&mut through).unwrap();
         let by_numbers = gpu.read(exposures.v_target(), 2).unwrap().into_flattened();
-        let straight = Leaves::new(&gpu, &model).unwrap();
-        let (image, _) = autodiff::rasterized(&raster, &straight, &view, None).unwrap();
+        let straight = Leaves::new(&model);
+        let (image, _) = autodiff::rasterized(&raster, &straight, &view, None, None).unwrap();
         let flat: Vec<f32> = v_image.as_flattened().iter().map(|v| *v as f32).collect();
         let cotangent = Tensor::<3>::from_data(TensorData::new(flat, [21, 33, 3]), device(&gpu).unwrap()).autodiff();
         let mut plain = (image * cotangent).sum().backward();
         let plain = straight.gradients(&mut plain).unwrap();
-        let [through, plain] = [through, plain].map(|g| g.parameters.map(|gradient| gradient.map(values)));
+        let [through, plain] = [through, plain].map(|g| g.map(|gradient| gradient.map(values)));
         let by_sh = relative_error(&through.sh.unwrap(), &plain.sh.unwrap());
         let by_means = relative_error(&through.means.unwrap(), &plain.means.unwrap());
         let numbers: Vec<f64> = [0, 1, 2, 4, 5, 6].map(|i: usize| f64::from(by_numbers[i])).to_vec();
