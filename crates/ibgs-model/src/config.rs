@@ -162,8 +162,8 @@ pub struct AdamConfig {
     pub beta2: f64,
     /// Added to the root of the second moment.
     pub epsilon: f64,
-    /// How both moments of a value are kept: `full` as two float32; `packed` in 21 bits, rounded at random so that their expectations
-    /// stay, for more Gaussians in a device's memory.
+    /// How both moments of a value are kept: `packed` in 21 bits, rounded at random so that their expectations stay; `full` as two
+    /// float32, as published.
     pub moments: AdamMoments,
 }
 
@@ -171,10 +171,10 @@ pub struct AdamConfig {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "kebab-case")]
 pub enum AdamMoments {
-    /// Two float32.
-    #[default]
+    /// Two float32, as published.
     Full,
     /// Both moments of a value in 21 bits, rounded at random so that their expectations stay. A departure from method.md.
+    #[default]
     Packed,
 }
 

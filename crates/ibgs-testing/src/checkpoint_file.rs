@@ -24,10 +24,12 @@ pub fn parts(format: u32, version: &str, config: &str) -> Vec<(String, Vec<u8>)>
         let bytes = (0..values).flat_map(|v| (v as f32).to_le_bytes()).collect();
         parts.push((format!("tensors/{name}"), bytes));
     };
-    for (name, row) in [("means", 3), ("rotations", 4), ("scales", 3), ("opacities", 1), ("sh", 3)] {
+    // With the words of their packed moments.
+    for (name, row, words) in
+        [("means", 3, 2), ("rotations", 4, 4), ("scales", 3, 2), ("opacities", 1, 1), ("sh", 3, 2)]
+    {
         tensor(name, 2 * row);
-        tensor(&format!("{name}.first"), 2 * row);
-        tensor(&format!("{name}.second"), 2 * row);
+        tensor(&format!("{name}.moments"), 2 * words);
     }
     for (name, row) in [("normals", 3), ("offsets", 1), ("statistics", 4)] {
         tensor(name, 2 * row);

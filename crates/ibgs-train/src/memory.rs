@@ -10,7 +10,7 @@
 //! |---|---|
 //! | photos | 4 a pixel of all training photos, within `sources.memory` |
 //! | Gaussians | (60 + 12 C) N |
-//! | optimiser | 2 (44 + 12 C {+ 16}) N, 16 N of statistics {, 8 a weight of the network} |
+//! | optimiser | (36 + 8 C {+ 12}) N, 16 N of statistics {, 8 a weight of the network} |
 //! | gradients | (56 {+ 16}) N |
 //! | raster | 56 N + 20 I + 48 {64} I + 16 T + 8 P {, 72 N + 20 I + 16 T + 8 P once more for depth maps} |
 //! | images | 24 P, with exposures 48 P {+ 48 P + 64 V P} |
@@ -22,7 +22,7 @@
 //! | densification | the next model and its optimiser beside the last, while Gaussians may still be added |
 //! | evaluation | {(608 + 16) p + (52 + 16 V + 4 M + 8 K) P, where there are views to evaluate} |
 //!
-//! With packed moments the optimiser has (36 + 8 C {+ 12}) N in place of the first. `p` are the pixels of a view at the
+//! With full moments the optimiser has 2 (44 + 12 C {+ 16}) N in place of the first. `p` are the pixels of a view at the
 //! network's factor, in training with bands those of a band, b at the image's: then (32 + 32 V) b are added.
 //!
 //! The network's are those of float32, the most that any precision takes.

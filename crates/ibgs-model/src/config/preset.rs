@@ -1,7 +1,7 @@
 //! Sets of options under a name.
 
 use super::schedule::REFERENCE_ITERATIONS;
-use super::{ExposureSwitch, Strategy, TrainConfig};
+use super::{AdamMoments, ExposureSwitch, Strategy, TrainConfig};
 use crate::dataset::InitialPoints;
 use crate::residual::variant::{Aggregation, Output};
 use crate::sources::find::{Distances, Draw};
@@ -53,6 +53,7 @@ impl TrainConfig {
     /// Sets the options of method.md that have another default here.
     fn publish(&mut self) {
         self.iterations = Some(REFERENCE_ITERATIONS);
+        self.adam.moments = AdamMoments::Full;
         self.learning_rates.sh_rest_decay = Some(0.0);
         self.data.initial_points = InitialPoints::Scene;
         self.densify.strategy = Strategy::Published;
@@ -62,7 +63,6 @@ impl TrainConfig {
         self.sources.draw = Draw::Nearest;
         self.surface.publish();
         self.residual.factor = Some(1.0);
-        self.residual.bands = 1;
         self.residual.burn_in_gain = 0.5;
         self.residual.dropout = 0.0;
         self.residual.output = Some(Output::Residual);

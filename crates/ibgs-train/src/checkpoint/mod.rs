@@ -23,7 +23,7 @@ use thiserror::Error;
 pub const VERSION: &str = env!("CARGO_PKG_VERSION");
 
 /// Version of the layout.
-pub const FORMAT: u32 = 9;
+pub const FORMAT: u32 = 10;
 
 /// Why a training cannot resume from a checkpoint, or none can be written.
 #[derive(Debug, Error)]

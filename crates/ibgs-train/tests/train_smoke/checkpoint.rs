@@ -41,12 +41,12 @@ fn a_resumed_training_is_the_uninterrupted_one_bit_for_bit() {
     let path = folder.path().join("checkpoints/1.ibgs");
     let plain = TrainConfig { method: Method::Gs3, ..everything(40) };
     let mut mcmc = plain.clone();
+    mcmc.adam.moments = AdamMoments::Full;
     mcmc.densify.strategy = Strategy::Mcmc;
     mcmc.densify.max_splats = Some(400);
     mcmc.densify.end = Some(38);
     let mut fading = plain.clone();
     fading.densify.strategy = Strategy::Default;
-    fading.adam.moments = AdamMoments::Packed;
     fading.densify.growth.threshold = 1e-6;
     for config in [everything(40), plain, mcmc, fading] {
         let mut whole = trainer(&dataset, &config);
