@@ -52,7 +52,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
 #else
 #import reduce_tile
 
-@compute @workgroup_size(TILE * TILE)
+@compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
@@ -67,33 +67,32 @@ fn main(
     const lane = 0u;
     #endif
     let c = wid.z;
-    let lid = vec2(local % TILE, local / TILE);
-    #repeat i 3
-    let k$i = local + $iu * TILE * TILE;
+    #repeat i 6
+    let k$i = local + $iu * THREADS;
     let p$i = halo_pixel(wid.xy, k$i);
     let x$i = image[3u * u32(max(p$i, 0)) + c];
     let texel$i = photo[max(p$i, 0)];
     #end
     let shift = moment_shift(wid.xy, c);
-    #repeat i 3
+    var result = vec4(0.0);
+    #repeat i 6
     if k$i < SIDE * SIDE {
         let y$i = select(x$i, target_channel(texel$i, c), target_counts(texel$i));
-        values[k$i] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0) - shift;
+        values[halo_place(k$i)] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0) - shift;
+        let error$i = clamp(x$i, 0.0, 1.0) - clamp(y$i, 0.0, 1.0);
+        let is_own$i = p$i >= 0 && all(vec2(k$i % SIDE, k$i / SIDE) - RADIUS < vec2(TILE));
+        result += select(vec4(0.0), vec4(abs(x$i - y$i), 0.0, error$i * error$i, 0.0), is_own$i);
     }
     #end
-    let s = windowed_means(lid, local);
-    var result = vec4(0.0);
-    let pixel = wid.xy * TILE + lid;
-    if all(pixel < params.size) {
-        let derivatives = ssim_derivatives(s, shift);
-        let p = pixel.y * params.size.x + pixel.x;
-        store_derivatives(c, p, derivatives);
-        let at = (lid.y + RADIUS) * SIDE + lid.x + RADIUS;
-        let v = values[at];
-        let seen = clamp(v + shift, vec2(0.0), vec2(1.0));
-        let error = seen.x - seen.y;
-        result = vec4(abs(v.x - v.y), derivatives.ssim, error * error, 0.0);
+    let means = windowed_means(local);
+    let pixel = upper_pixel(wid.xy, local);
+    #repeat h 2
+    if pixel.x < params.size.x && pixel.y + $hu < params.size.y {
+        let derivatives = ssim_derivatives(means[$h], shift);
+        store_derivatives(c, (pixel.y + $hu) * params.size.x + pixel.x, derivatives);
+        result.y += derivatives.ssim;
     }
+    #end
     let sum = reduce_tile(local, subgroup, lane, result);
     if local == 0u {
         partials[(wid.z * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum;
@@ -170,25 +169,24 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
     }
 }
 #else
-@compute @workgroup_size(TILE, TILE)
-fn main(
-    @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
+@compute @workgroup_size(THREADS)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let c = wid.z;
-    let pixel = wid.xy * TILE + lid.xy;
-    let within = min(pixel, params.size - 1u);
-    let p = within.y * params.size.x + within.x;
+    let pixel = upper_pixel(wid.xy, local);
     // Read before the maps, so that all wait together.
-    let texel = photo[p];
-    let x = image[3u * p + c];
+    #repeat h 2
+    let within$h = min(pixel + vec2(0u, $hu), params.size - 1u);
+    let p$h = within$h.y * params.size.x + within$h.x;
+    let texel$h = photo[p$h];
+    let x$h = image[3u * p$h + c];
+    #end
     let upstream = v_loss[0];
     load_maps(wid.xy, c, local);
-    if any(pixel >= params.size) {
-        return;
+    let sums = window_sums(local);
+    #repeat h 2
+    if pixel.x < params.size.x && pixel.y + $hu < params.size.y {
+        v_image[3u * p$h + c] = by_image(texel$h, c, x$h, sums[$h], upstream);
     }
-    let s = window_sums(lid);
-    v_image[3u * p + c] = by_image(texel, c, x, s, upstream);
+    #end
 }
 #endif

@@ -61,7 +61,7 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
 #else
 #import reduce_tile
 
-@compute @workgroup_size(TILE * TILE)
+@compute @workgroup_size(THREADS)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
     @builtin(local_invocation_index) local: u32,
@@ -76,10 +76,9 @@ fn main(
     const lane = 0u;
     #endif
     let c = wid.z;
-    let lid = vec2(local % TILE, local / TILE);
     let plane = params.size.x * params.size.y;
-    #repeat i 3
-    let k$i = local + $iu * TILE * TILE;
+    #repeat i 6
+    let k$i = local + $iu * THREADS;
     let p$i = halo_pixel(wid.xy, k$i);
     let at$i = u32(max(p$i, 0));
     let texel$i = photo[at$i];
@@ -87,25 +86,27 @@ fn main(
     let warped$i = warped[4u * (params.visible_index * plane + at$i) + c];
     #end
     let shift = moment_shift(wid.xy, c);
-    #repeat i 3
+    #repeat i 6
     if k$i < SIDE * SIDE {
         let y$i = photo_channel(texel$i, c);
         let x$i = select(y$i, warped$i, seen_agrees(seen$i, params.visible_index));
-        values[k$i] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0 && photo_valid(texel$i)) - shift;
+        values[halo_place(k$i)] = select(vec2(0.0), vec2(x$i, y$i), p$i >= 0 && photo_valid(texel$i)) - shift;
     }
     #end
-    let s = windowed_means(lid, local);
+    let means = windowed_means(local);
     var result = vec2(0.0);
-    let pixel = wid.xy * TILE + lid;
-    if all(pixel < params.size) {
-        let p = pixel.y * params.size.x + pixel.x;
+    let pixel = upper_pixel(wid.xy, local);
+    #repeat h 2
+    if pixel.x < params.size.x && pixel.y + $hu < params.size.y {
+        let p = (pixel.y + $hu) * params.size.x + pixel.x;
         var derivatives = SsimDerivatives(0.0, 0.0, 0.0, 0.0);
         if photo_valid(photo[p]) && seen_agrees(seen[p], params.visible_index) {
-            derivatives = ssim_derivatives(s, shift);
-            result = vec2(1.0 - derivatives.ssim, 1.0);
+            derivatives = ssim_derivatives(means[$h], shift);
+            result += vec2(1.0 - derivatives.ssim, 1.0);
         }
         store_derivatives(c, p, derivatives);
     }
+    #end
     let sum = reduce_tile(local, subgroup, lane, vec4(result, 0.0, 0.0));
     if local == 0u {
         partials[((3u * params.visible_index + c) * params.tiles.y + wid.y) * params.tiles.x + wid.x] = sum.xy;
@@ -158,18 +159,16 @@ fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(subgroup_invocation_id) 
     }
 }
 #else
-@compute @workgroup_size(TILE, TILE)
-fn main(
-    @builtin(workgroup_id) wid: vec3<u32>,
-    @builtin(local_invocation_id) lid: vec3<u32>,
-    @builtin(local_invocation_index) local: u32,
-) {
+@compute @workgroup_size(THREADS)
+fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let c = wid.z;
     load_maps(wid.xy, c, local);
-    let pixel = wid.xy * TILE + lid.xy;
-    if any(pixel >= params.size) {
-        return;
+    let sums = window_sums(local);
+    let pixel = upper_pixel(wid.xy, local);
+    #repeat h 2
+    if pixel.x < params.size.x && pixel.y + $hu < params.size.y {
+        store_gradient(c, (pixel.y + $hu) * params.size.x + pixel.x, sums[$h]);
     }
-    store_gradient(c, pixel.y * params.size.x + pixel.x, window_sums(lid));
+    #end
 }
 #endif

@@ -1,7 +1,7 @@
-// Sum over the workgroup of a tile in a fixed order, by the subgroups where these have a fixed size; the first thread gets it. Every
-// thread calls it once, in uniform control flow.
+// Sum over the THREADS of a tile in a fixed order, by the subgroups where these have a fixed size; the first thread gets it. Every thread
+// calls it once, in uniform control flow.
 #if SUBGROUPS
-var<workgroup> reduce_sums: array<vec4<f32>, TILE * TILE / LANES>;
+var<workgroup> reduce_sums: array<vec4<f32>, THREADS / LANES>;
 
 fn reduce_tile(local: u32, subgroup: u32, lane: u32, value: vec4<f32>) -> vec4<f32> {
     var sum = value;
@@ -14,16 +14,24 @@ fn reduce_tile(local: u32, subgroup: u32, lane: u32, value: vec4<f32>) -> vec4<f
     workgroupBarrier();
     var total = vec4(0.0);
     if local == 0u {
-        for (var s = 0u; s < TILE * TILE / LANES; s++) {
+        for (var s = 0u; s < THREADS / LANES; s++) {
             total += reduce_sums[s];
         }
     }
     return total;
 }
 #else
-#import reduce
+var<workgroup> reduce_sums: array<vec4<f32>, THREADS>;
 
 fn reduce_tile(local: u32, subgroup: u32, lane: u32, value: vec4<f32>) -> vec4<f32> {
-    return reduce(local, value);
+    reduce_sums[local] = value;
+    workgroupBarrier();
+    for (var step = THREADS / 2u; step > 0u; step >>= 1u) {
+        if local < step {
+            reduce_sums[local] += reduce_sums[local + step];
+        }
+        workgroupBarrier();
+    }
+    return reduce_sums[0];
 }
 #endif

@@ -43,17 +43,6 @@ const RADIUS: u32 = SSIM_RADIUS;
 const_assert 2u * RADIUS + 1u == 11u;
 // A tile with its halo.
 const SIDE: u32 = TILE + 2u * RADIUS;
-// Each thread reads three of its pixels, at once: drivers do not move the reads of a loop's next step before those of this one.
-const_assert SIDE * SIDE <= 3u * TILE * TILE;
-
-// Index of pixel `tile origin + offset - RADIUS`, or -1 outside the image.
-fn halo_pixel(tile: vec2<u32>, k: u32) -> i32 {
-    let at = vec2<i32>(tile * TILE + vec2(k % SIDE, k / SIDE)) - i32(RADIUS);
-    if any(at < vec2(0)) || any(at >= vec2<i32>(params.size)) {
-        return -1;
-    }
-    return at.y * i32(params.size.x) + at.x;
-}
 
 struct SsimDerivatives {
     ssim: f32,

@@ -1,31 +1,55 @@
-// Windowed means of a tile for SSIM, forward, by a thread a pixel. The kernel fills `values` with (x, y) of the tile and its halo, less
-// a shift.
-var<workgroup> values: array<vec2<f32>, SIDE * SIDE>;
-// Sums along the rows, as in `Means`.
-var<workgroup> own_rows: array<vec4<f32>, SIDE * TILE>;
-var<workgroup> xy_rows: array<f32, SIDE * TILE>;
+// Windowed means of a tile for SSIM, forward, by a workgroup. The kernel fills `values`, by `halo_place`, with (x, y) of the tile and its
+// halo, less a shift.
+#import ssim_threads
 
-// The means over the window of the thread's pixel. Every thread calls it.
-fn windowed_means(lid: vec2<u32>, local: u32) -> Means {
+// Then sums along the rows, as in `Means`: first of x and y, from ROW_SUMS on of their squares.
+var<workgroup> values: array<vec2<f32>, 2u * ROW_SUMS>;
+const_assert PITCH * SIDE <= 2u * ROW_SUMS;
+var<workgroup> xy_rows: array<f32, ROW_SUMS>;
+
+// The means over the windows of the thread's pixels. Every thread calls it.
+fn windowed_means(local: u32) -> array<Means, 2> {
     workgroupBarrier();
-    for (var k = local; k < SIDE * TILE; k += TILE * TILE) {
-        let base = (k / TILE) * SIDE + k % TILE;
-        var s = Means(vec4(0.0), 0.0);
-        #repeat i 11
-        let v$i = values[base + $iu];
-        let weighed$i = SSIM_WINDOW[$i] * v$i;
-        s.own += vec4(weighed$i, weighed$i * v$i);
-        s.xy += weighed$i.x * v$i.y;
+    var rows: array<Means, 4>;
+    if has_row(local) {
+        let base = row_place(local);
+        #repeat i 14
+        {
+            let v = values[base + $iu];
+            let own = vec4(v, v * v);
+            let xy = v.x * v.y;
+            #repeat k 4
+            if clamp($i - $k, 0, 10) == $i - $k {
+                rows[$k].own += SSIM_WINDOW[clamp($i - $k, 0, 10)] * own;
+                rows[$k].xy += SSIM_WINDOW[clamp($i - $k, 0, 10)] * xy;
+            }
+            #end
+        }
         #end
-        own_rows[k] = s.own;
-        xy_rows[k] = s.xy;
     }
     workgroupBarrier();
-    var s = Means(vec4(0.0), 0.0);
-    let at = lid.y * TILE + lid.x;
-    #repeat j 11
-    s.own += SSIM_WINDOW[$j] * own_rows[at + $ju * TILE];
-    s.xy += SSIM_WINDOW[$j] * xy_rows[at + $ju * TILE];
+    if has_row(local) {
+        let base = row_sum_place(local);
+        #repeat k 4
+        values[base + 4u * $ku] = rows[$k].own.xy;
+        values[ROW_SUMS + base + 4u * $ku] = rows[$k].own.zw;
+        xy_rows[base + 4u * $ku] = rows[$k].xy;
+        #end
+    }
+    workgroupBarrier();
+    var means: array<Means, 2>;
+    #repeat j 12
+    {
+        let at = local + $ju / 2u * TILE + $ju % 2u * ODD_ROWS;
+        let own = vec4(values[at], values[ROW_SUMS + at]);
+        let xy = xy_rows[at];
+        #repeat k 2
+        if clamp($j - $k, 0, 10) == $j - $k {
+            means[$k].own += SSIM_WINDOW[clamp($j - $k, 0, 10)] * own;
+            means[$k].xy += SSIM_WINDOW[clamp($j - $k, 0, 10)] * xy;
+        }
+        #end
+    }
     #end
-    return s;
+    return means;
 }
