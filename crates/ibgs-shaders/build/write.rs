@@ -40,7 +40,7 @@ pub fn kernels(kernels: &[Description]) -> String {
         (
             KernelSet::Train,
             "TRAIN_KERNELS",
-            "The kernels of training, of measurements, and of frames with the residual network in float32.",
+            "The kernels of training, of measurements, and of frames on devices that have more than a browser's.",
         ),
         (
             KernelSet::Matrix,

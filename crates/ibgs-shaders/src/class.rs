@@ -30,7 +30,7 @@ named! {
     KernelSet {
         /// Rendering, which keeps to the limits of a browser.
         Render = "render",
-        /// Training, measurements, and frames with the residual network in float32.
+        /// Training, measurements, and frames on devices that have more than a browser's.
         Train = "train",
         /// The residual network in half precision, sums in float32, on [`MatrixUnits`](crate::MatrixUnits).
         Matrix = "matrix",

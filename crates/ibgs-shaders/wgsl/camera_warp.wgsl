@@ -15,6 +15,14 @@
 /// Three rows of the target's camera, three of the source's.
 @group(0) @binding(5) var<storage, read_write> partials: array<vec4<f32>>;
 
+var<immediate> params: SourceParams;
+
+// Texels of the photo at a landing: top left, top right, and those under them.
+fn texels(l: Landing) -> vec4<u32> {
+    let below = l.texel + params.source_size.x;
+    return vec4(photo[l.texel], photo[l.texel + 1u], photo[below], photo[below + 1u]);
+}
+
 // Sums of a thread. `turn`: offsets from the target's centre times the gradients by them, in the source's view space.
 struct Sums {
     target_lens: CameraGradient,

@@ -4,7 +4,7 @@ use super::adapter::{Use, require};
 use super::device::Gpu;
 use super::error::GpuError;
 use super::uniforms::Uniforms;
-use ibgs_shaders::{Kernel, KernelSet, MATRIX_KERNELS, RENDER_KERNELS, TRAIN_KERNELS};
+use ibgs_shaders::{Kernel, KernelSet, KernelStage, MATRIX_KERNELS, RENDER_KERNELS, TRAIN_KERNELS, WARP, WARP_FOUR};
 use rayon::prelude::*;
 use std::collections::HashMap;
 use std::sync::atomic::{AtomicBool, AtomicUsize, Ordering};
@@ -41,12 +41,21 @@ impl Gpu {
     pub fn warm_up_rendering(&self, network: bool) {
         // The test of the matrix units has backward passes too.
         let tested = network && self.matrix_units.is_some();
-        let renders = |kernel: &Kernel| kernel.set == KernelSet::Render;
+        let warp = if self.binds(&WARP_FOUR) { &WARP_FOUR } else { &WARP };
+        let renders = |kernel: &Kernel| match kernel.stage {
+            KernelStage::Warp => kernel.name == warp.name,
+            _ => kernel.set == KernelSet::Render,
+        };
         if !cfg!(target_arch = "wasm32") {
             self.compile_all(|kernel| {
                 if kernel.stage.is_of_network() { tested || network && renders(kernel) } else { renders(kernel) }
             });
         }
+    }
+
+    /// Whether the device binds as many buffers as the kernel has.
+    pub(crate) fn binds(&self, kernel: &Kernel) -> bool {
+        kernel.bindings.len() <= self.limits.max_storage_buffers_per_shader_stage as usize
     }
 
     /// Compiles those that are wanted, several at once: a driver may take two seconds for one of them. Says so where all take longer

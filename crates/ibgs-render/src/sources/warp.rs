@@ -6,9 +6,9 @@ use crate::camera::Camera;
 use crate::gpu::pool::{Lease, Pool};
 use crate::gpu::{Buffer, Gpu, GpuError, Pass};
 use crate::raster::{CameraGradients, Forward, Surface};
-use ibgs_shaders::bindings::{CameraWarpBindings, WarpBackwardBindings, WarpBindings};
-use ibgs_shaders::types::{SourceParams, VisibleParams};
-use ibgs_shaders::{CAMERA_GROUPS, TILE};
+use ibgs_shaders::bindings::{CameraWarpBindings, WarpBackwardBindings, WarpBindings, WarpFourBindings};
+use ibgs_shaders::types::{SourceParams, VisibleParams, WarpParams};
+use ibgs_shaders::{CAMERA_GROUPS, TILE, WARP_FOUR};
 use serde::{Deserialize, Serialize};
 use std::ops::Range;
 use std::sync::Arc;
@@ -71,6 +71,8 @@ pub struct Seen {
     pub centers: Buffer<[f32; 4]>,
     /// Number of sources M.
     pub sources: u32,
+    /// `[M]`: where they are, for the warping's kernels.
+    params: Buffer<SourceParams>,
     pixels: usize,
 }
 
@@ -100,6 +102,7 @@ pub struct Warped {
     pub visible: u32,
     surface: Arc<Lease<Surface>>,
     sources: Vec<(SourceView, SourceParams)>,
+    options: WarpOptions,
     cameras: Option<CameraGradients>,
 }
 
@@ -117,19 +120,26 @@ impl Warped {
     pub fn backward(&self, gpu: &Gpu, v_colors: &Buffer<[f32; 4]>) {
         let v = self.surface.v.as_ref().expect("a tracked surface has gradients");
         let mut pass = Pass::new(gpu, "warp backward");
-        for (source, params) in &self.sources {
+        for round in rounds(&self.sources, &self.surface, &self.options, FOUR) {
+            let [photo0, photo1, photo2, photo3] = round.sources.map(|source| &source.photo.texels);
             let buffers = WarpBackwardBindings {
+                sources: &self.seen.params,
                 median_depth: &self.surface.median_depth,
                 intersections: &self.surface.intersections,
-                photo: &source.photo.texels,
                 warped: &self.colors,
                 seen: &self.seen.visible,
                 v_warped: v_colors,
                 v_intersections: &v.intersections,
                 v_median_depth: &v.median_depth,
+                photo0,
+                photo1,
+                photo2,
+                photo3,
             };
-            pass.grid(&buffers, params, tiles(params.size));
-            if let Some(cameras) = &self.cameras {
+            pass.grid(&buffers, &round.params, tiles(round.params.size));
+        }
+        if let Some(cameras) = &self.cameras {
+            for (source, params) in &self.sources {
                 self.record_camera(&mut pass, (source, params), v_colors, cameras);
             }
         }
@@ -179,10 +189,39 @@ fn params(surface: &Surface, source: &SourceView, index: usize, options: &WarpOp
         index: index as u32,
         visible: options.visible,
         intersections: surface.options.intersections,
-        agreement: options.agreement,
-        reach: options.reach,
         ..SourceParams::default()
     }
+}
+
+/// Sources that a kernel goes over at once where the device binds enough buffers.
+const FOUR: usize = 4;
+
+/// Some sources in a row, for one dispatch.
+struct Round<'a> {
+    params: WarpParams,
+    /// Where there are fewer, the last fills the other places, which are not read.
+    sources: [&'a SourceView; FOUR],
+}
+
+/// All sources, `size` at once.
+fn rounds<'a>(
+    sources: &'a [(SourceView, SourceParams)],
+    surface: &Surface,
+    options: &WarpOptions,
+    size: usize,
+) -> impl Iterator<Item = Round<'a>> {
+    let whole = WarpParams {
+        size: [surface.camera.width, surface.camera.height],
+        visible: options.visible,
+        intersections: surface.options.intersections,
+        agreement: options.agreement,
+        reach: options.reach,
+        ..WarpParams::default()
+    };
+    sources.chunks(size).zip((0..).step_by(size)).map(move |(round, first)| Round {
+        params: WarpParams { first, count: round.len() as u32, ..whole },
+        sources: std::array::from_fn(|s| &round[s.min(round.len() - 1)].0),
+    })
 }
 
 impl Warper {
@@ -203,6 +242,7 @@ impl Warper {
                 most_visible: self.gpu.allocate("packed sources", 4)?,
                 centers: self.gpu.allocate("source centres", MAX_SOURCES)?,
                 sources: 0,
+                params: self.gpu.allocate("packed sources", MAX_SOURCES)?,
                 pixels,
             })
         };
@@ -280,23 +320,65 @@ impl Warper {
         self.gpu.write(&seen.centers, 0, &centers);
         pass.relabel(LABEL);
         pass.clear(&seen.most_visible);
-        let mut used = Vec::with_capacity(sources.len());
-        for (index, source) in sources.iter().enumerate() {
-            let params = params(surface, source, index, &self.options);
-            let buffers = WarpBindings {
-                median_depth: &surface.median_depth,
-                intersections: &surface.intersections,
-                photo: &source.photo.texels,
-                source_depth: &source.depth,
-                warped: &colors,
-                seen: &seen.visible,
-                most_visible: &seen.most_visible,
-            };
-            pass.grid(&buffers, &params, tiles(params.size));
-            used.push((source.clone(), params));
-        }
+        let with_params =
+            |(index, source): (usize, &SourceView)| (source.clone(), params(surface, source, index, &self.options));
+        let used: Vec<_> = sources.iter().enumerate().map(with_params).collect();
+        let all: Vec<_> = used.iter().map(|(_, params)| *params).collect();
+        self.gpu.write(&seen.params, 0, &all);
+        self.record_rounds(pass, surface, &used, &seen, &colors);
         let seen = Arc::new(seen);
-        let (visible, cameras) = (self.options.visible, forward.cameras.clone());
-        Ok(Warped { colors, seen, visible, surface: surface.clone(), sources: used, cameras })
+        let (options, cameras) = (self.options, forward.cameras.clone());
+        Ok(Warped { colors, seen, visible: options.visible, surface: surface.clone(), sources: used, options, cameras })
+    }
+
+    /// A dispatch for four sources where the device binds as many buffers, else for each.
+    fn record_rounds(
+        &self,
+        pass: &mut Pass,
+        surface: &Surface,
+        sources: &[(SourceView, SourceParams)],
+        seen: &Seen,
+        warped: &Buffer<[f32; 4]>,
+    ) {
+        let four = self.gpu.binds(&WARP_FOUR);
+        let (median_depth, intersections) = (&surface.median_depth, &surface.intersections);
+        let (most_visible, all, seen) = (&seen.most_visible, &seen.params, &seen.visible);
+        for round in rounds(sources, surface, &self.options, if four { FOUR } else { 1 }) {
+            let [photo0, photo1, photo2, photo3] = round.sources.map(|source| &source.photo.texels);
+            let [source_depth0, source_depth1, source_depth2, source_depth3] =
+                round.sources.map(|source| &source.depth);
+            let grid = tiles(round.params.size);
+            if four {
+                let buffers = WarpFourBindings {
+                    sources: all,
+                    median_depth,
+                    intersections,
+                    warped,
+                    seen,
+                    most_visible,
+                    photo0,
+                    source_depth0,
+                    photo1,
+                    source_depth1,
+                    photo2,
+                    source_depth2,
+                    photo3,
+                    source_depth3,
+                };
+                pass.grid(&buffers, &round.params, grid);
+            } else {
+                let buffers = WarpBindings {
+                    sources: all,
+                    median_depth,
+                    intersections,
+                    warped,
+                    seen,
+                    most_visible,
+                    photo0,
+                    source_depth0,
+                };
+                pass.grid(&buffers, &round.params, grid);
+            }
+        }
     }
 }

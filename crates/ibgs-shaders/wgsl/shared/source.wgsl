@@ -1,3 +1,5 @@
+// The kernel declares `params: SourceParams`.
+
 /// One source view beside a target view.
 struct SourceParams {
     /// Rows of [R | t] that take the target's view space to the source's.
@@ -24,18 +26,9 @@ struct SourceParams {
     visible: u32,
     /// Median intersections a pixel.
     intersections: u32,
-    /// The depths of source and point agree when they differ by less than this part of the latter.
-    agreement: f32,
-    /// A source is packed when they differ by less than this many times that: 1, or up to 5 where a confidence weighs
-    /// the sources.
-    reach: f32,
     /// Unused.
     pad0: u32,
-    /// Unused.
-    pad1: vec2<u32>,
 }
-
-var<immediate> params: SourceParams;
 
 const SOURCE_EPSILON: f32 = 1e-8;
 

@@ -1,4 +1,5 @@
-// The bilinear read of a source's photo, as it is differentiated. The kernel imports `source` and declares `photo`.
+// The bilinear read of a source's photo, as it is differentiated. The kernel imports `source` and declares `texels`, the four texels of a
+// landing.
 
 struct Read {
     valid: bool,
@@ -8,18 +9,15 @@ struct Read {
 }
 
 fn read_photo(l: Landing, v: vec3<f32>) -> Read {
-    let t00 = photo[l.texel];
-    let t10 = photo[l.texel + 1u];
-    let t01 = photo[l.texel + params.source_size.x];
-    let t11 = photo[l.texel + params.source_size.x + 1u];
+    let t = texels(l);
     let c = vec4(
-        dot(v, unpack4x8unorm(t00).rgb),
-        dot(v, unpack4x8unorm(t10).rgb),
-        dot(v, unpack4x8unorm(t01).rgb),
-        dot(v, unpack4x8unorm(t11).rgb),
+        dot(v, unpack4x8unorm(t.x).rgb),
+        dot(v, unpack4x8unorm(t.y).rgb),
+        dot(v, unpack4x8unorm(t.z).rgb),
+        dot(v, unpack4x8unorm(t.w).rgb),
     );
     var read: Read;
-    read.valid = (t00 & t10 & t01 & t11 & 0x80000000u) != 0u;
+    read.valid = (t.x & t.y & t.z & t.w & 0x80000000u) != 0u;
     read.color = dot(bilinear_weights(l.fraction), c);
     read.slope = mix(vec2(c.y - c.x, c.z - c.x), vec2(c.w - c.z, c.w - c.y), l.fraction.yx);
     return read;

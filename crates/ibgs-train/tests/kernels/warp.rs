@@ -4,12 +4,11 @@ use crate::common::surface;
 use crate::gradients::assert_gradient;
 use crate::gradients::surface::{assert_outputs, random_cotangents, warping};
 use ibgs_core::sources::Warper;
-use ibgs_reference::gpu::view_of;
-use ibgs_reference::gpu::{scene_splats, source_view};
+use ibgs_reference::gpu::{scene_splats, source_view, view_of};
 use ibgs_reference::random_scene::exact;
 use ibgs_reference::relative_error;
 use ibgs_reference::surface_scene::*;
-use ibgs_reference::warp::SOFT_REACH;
+use ibgs_reference::warp::{SOFT_REACH, Source};
 
 /// Sources whose depths are off by up to five times what agrees, with their errors.
 #[test]
@@ -76,6 +75,29 @@ fn masked_texels_of_sources_are_not_read() {
         let other = run(&scene);
         assert!(ours.outputs == other.outputs && ours.grads == other.grads, "masked colours were read");
     }
+}
+
+/// Sources of a second dispatch, and between others that no pixel sees, count as those of the first.
+#[test]
+fn six_sources_are_warped_as_three() {
+    let mut three = wall(3, 4);
+    three.sources.iter_mut().flat_map(|source| &mut source.photo).flatten().for_each(|v| *v = exact(*v));
+    let hidden = |source: &Source| Source { valid: vec![false; source.valid.len()], ..source.clone() };
+    let places = [1, 4, 5];
+    let sources = (0..6).map(|place| match places.iter().position(|p| *p == place) {
+        Some(m) => three.sources[m].clone(),
+        None => hidden(&three.sources[place % 3]),
+    });
+    let six = Scene { sources: sources.collect(), ..three.clone() };
+    let v = random_cotangents(&three, 3);
+    let run = |scene: &Scene| surface(scene, &view_of(scene, 0.5), warping(&three), &v);
+    let (few, many) = (run(&three), run(&six));
+    let place = |source: &i32| places.get(*source as usize).map_or(-1, |place| *place as i32);
+    assert!(few.source.contains(&2), "all three are seen");
+    assert_eq!(few.source.iter().map(place).collect::<Vec<_>>(), many.source);
+    assert_eq!(few.most_visible, many.most_visible);
+    assert!(few.outputs == many.outputs, "outputs");
+    assert!(few.grads == many.grads, "gradients");
 }
 
 /// Masked texels are not read: a source that is masked all over is seen nowhere.
