@@ -23,6 +23,20 @@ fn texels(l: Landing) -> vec4<u32> {
     return vec4(photo[l.texel], photo[l.texel + 1u], photo[below], photo[below + 1u]);
 }
 
+// Sum of the weights of a pixel's median intersections that the source shows, `v` being the gradient by their colours.
+fn read_weights(p: u32, ray: vec3<f32>, v: vec3<f32>) -> f32 {
+    let pixels = params.size.x * params.size.y;
+    var weights = SOURCE_EPSILON;
+    for (var k = 0u; k < params.intersections; k++) {
+        let intersection = intersections[k * pixels + p];
+        let l = land(ray, intersection.x);
+        if intersection.y > 0.0 && l.inside {
+            weights += select(0.0, intersection.y, read_photo(l, v).valid);
+        }
+    }
+    return weights;
+}
+
 // Sums of a thread. `turn`: offsets from the target's centre times the gradients by them, in the source's view space.
 struct Sums {
     target_lens: CameraGradient,

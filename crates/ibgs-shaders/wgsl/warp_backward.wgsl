@@ -27,22 +27,58 @@
 /// The fourth.
 @group(0) @binding(11) var<storage, read> photo3: array<u32>;
 
-// Adds the gradients by the intersections of a pixel's m-th visible source.
-fn add_intersections(p: u32, m: u32, ray: vec3<f32>, v: vec3<f32>) {
+// Gradients by the pixel's intersections, of which there are at most eight.
+var<private> sums: array<vec2<f32>, 8>;
+
+// What a source shows of four intersections: their weights, zero where it shows nothing, the gradient by the colour read
+// times the colour, and the gradient by the depth over the weight.
+struct Four {
+    weight: vec4<f32>,
+    color: vec4<f32>,
+    along: vec4<f32>,
+}
+
+// All four at once, so that their reads do not wait for each other.
+fn read_four(p: u32, first: u32, ray: vec3<f32>, v: vec3<f32>) -> Four {
     let plane = warping.size.x * warping.size.y;
-    let mean = dot(v, warped[m * plane + p].rgb);
-    let weights = read_weights(p, ray, v);
-    for (var k = 0u; k < warping.intersections; k++) {
-        let at = k * plane + p;
-        let intersection = intersections[at];
-        let l = land(ray, intersection.x);
-        if intersection.y > 0.0 && l.inside {
-            let read = read_photo(l, v);
-            if read.valid {
-                v_intersections[at] += vec2(dot(read.slope, l.slope) * intersection.y, read.color - mean) / weights;
-            }
-        }
+    #repeat k 4
+    let i$k = intersections[min(first + $ku, warping.intersections - 1u) * plane + p];
+    let l$k = land(ray, i$k.x);
+    let read$k = read_photo(l$k, v);
+    let counts$k = first + $ku < warping.intersections && i$k.y > 0.0 && l$k.inside && read$k.valid;
+    #end
+    var four: Four;
+    #repeat k 4
+    four.weight[$k] = select(0.0, i$k.y, counts$k);
+    four.color[$k] = read$k.color;
+    four.along[$k] = dot(read$k.slope, l$k.slope);
+    #end
+    return four;
+}
+
+// Adds the gradients by the intersections of a pixel's m-th visible source.
+fn add_source(p: u32, m: u32, ray: vec3<f32>, v: vec3<f32>) {
+    let mean = dot(v, warped[m * warping.size.x * warping.size.y + p].rgb);
+    let near = read_four(p, 0u, ray, v);
+    var far: Four;
+    if warping.intersections > 4u {
+        far = read_four(p, 4u, ray, v);
     }
+    var weights = SOURCE_EPSILON;
+    #repeat k 4
+    weights += near.weight[$k];
+    #end
+    #repeat k 4
+    weights += far.weight[$k];
+    #end
+    #repeat k 4
+    if near.weight[$k] > 0.0 {
+        sums[$k] += vec2(near.along[$k] * near.weight[$k], near.color[$k] - mean) / weights;
+    }
+    if far.weight[$k] > 0.0 {
+        sums[4 + $k] += vec2(far.along[$k] * far.weight[$k], far.color[$k] - mean) / weights;
+    }
+    #end
 }
 
 @compute @workgroup_size(TILE, TILE)
@@ -63,15 +99,25 @@ fn main(@builtin(global_invocation_id) id: vec3<u32>) {
     }
     let z = median_depth[p];
     var v_z = v_median_depth[p];
+    #repeat k 8
+    if $ku < warping.intersections {
+        sums[$k] = v_intersections[$ku * plane + p];
+    }
+    #end
     for (var s = 0u; s < warping.count; s++) {
         if m < warping.visible && seen_source(packed, m) == warping.first + s {
             take_source(s);
             let v = v_warped[m * plane + p];
             let ray = source_ray(id.xy);
             v_z += v.w * ray_cosine(ray, z).y;
-            add_intersections(p, m, ray, v.rgb);
+            add_source(p, m, ray, v.rgb);
             m++;
         }
     }
     v_median_depth[p] = v_z;
+    #repeat k 8
+    if $ku < warping.intersections {
+        v_intersections[$ku * plane + p] = sums[$k];
+    }
+    #end
 }

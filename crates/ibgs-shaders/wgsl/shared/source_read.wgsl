@@ -22,18 +22,3 @@ fn read_photo(l: Landing, v: vec3<f32>) -> Read {
     read.slope = mix(vec2(c.y - c.x, c.z - c.x), vec2(c.w - c.z, c.w - c.y), l.fraction.yx);
     return read;
 }
-
-// Sum of the weights of a pixel's median intersections that the source shows, `v` being the gradient by their colours. The kernel
-// declares `intersections`.
-fn read_weights(p: u32, ray: vec3<f32>, v: vec3<f32>) -> f32 {
-    let pixels = params.size.x * params.size.y;
-    var weights = SOURCE_EPSILON;
-    for (var k = 0u; k < params.intersections; k++) {
-        let intersection = intersections[k * pixels + p];
-        let l = land(ray, intersection.x);
-        if intersection.y > 0.0 && l.inside {
-            weights += select(0.0, intersection.y, read_photo(l, v).valid);
-        }
-    }
-    return weights;
-}

@@ -55,14 +55,17 @@ fn look(p: u32, ray: vec3<f32>, z: f32) -> Sight {
     }
     if sight.depth >= 0.0 && sight.depth < warping.reach * warping.agreement {
         let plane = warping.size.x * warping.size.y;
-        for (var k = 0u; k < warping.intersections; k++) {
-            let intersection = intersections[k * plane + p];
-            if intersection.y > 0.0 {
-                let l = land(ray, intersection.x);
-                if l.inside {
-                    sight.sum += intersection.y * read_photo(l);
-                }
-            }
+        // Four at once, so that their reads do not wait for each other; those that do not count weigh nothing.
+        for (var first = 0u; first < warping.intersections; first += 4u) {
+            #repeat k 4
+            let i$k = intersections[min(first + $ku, warping.intersections - 1u) * plane + p];
+            let l$k = land(ray, i$k.x);
+            let color$k = read_photo(l$k);
+            #end
+            #repeat k 4
+            let counts$k = first + $ku < warping.intersections && i$k.y > 0.0 && l$k.inside;
+            sight.sum += select(0.0, i$k.y, counts$k) * color$k;
+            #end
         }
     }
     return sight;
