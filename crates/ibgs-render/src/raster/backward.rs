@@ -186,8 +186,7 @@ impl Forward {
         };
         let Workspace { tile_counts, total, projected, .. } = &**self.workspace;
         let Base { v_means, v_opacity_logits, .. } = base;
-        let observe =
-            DensifyObserveBindings { projected, tile_counts, total, v_means, v_opacity_logits, statistics };
+        let observe = DensifyObserveBindings { projected, tile_counts, total, v_means, v_opacity_logits, statistics };
         pass.linear(&observe, &params, count);
     }
 
