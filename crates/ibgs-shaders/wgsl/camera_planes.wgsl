@@ -16,11 +16,11 @@
 @group(0) @binding(7) var<storage, read> v_plane_offsets: array<f32>;
 @group(0) @binding(8) var<storage, read_write> partials: array<vec4<f32>>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     var sum: CameraGradient;
     let overflow = ran_out_of_room();
-    for (var g = wid.x * 256u + local; g < frame.count; g += CAMERA_GROUPS * 256u) {
+    for (var g = wid.x * THREADS + local; g < frame.count; g += CAMERA_GROUPS * THREADS) {
         let plane = planes[g];
         if overflow || tile_counts[g] == 0u || all(plane == vec4(0.0)) {
             continue;

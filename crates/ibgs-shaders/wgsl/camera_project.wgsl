@@ -33,11 +33,11 @@ fn by_direction(g: u32, offset: vec3<f32>) -> vec3<f32> {
     return along_sphere(offset, v_direction);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     var sum: CameraGradient;
     let overflow = ran_out_of_room();
-    for (var g = wid.x * 256u + local; g < frame.count; g += CAMERA_GROUPS * 256u) {
+    for (var g = wid.x * THREADS + local; g < frame.count; g += CAMERA_GROUPS * THREADS) {
         if overflow || tile_counts[g] == 0u {
             continue;
         }

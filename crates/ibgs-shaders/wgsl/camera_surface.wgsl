@@ -14,11 +14,11 @@
 @group(0) @binding(6) var<storage, read> v_intersections: array<vec2<f32>>;
 @group(0) @binding(7) var<storage, read_write> partials: array<vec4<f32>>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     var sum: CameraGradient;
     let pixels = frame.size.x * frame.size.y;
-    for (var p = wid.x * 256u + local; p < pixels; p += CAMERA_GROUPS * 256u) {
+    for (var p = wid.x * THREADS + local; p < pixels; p += CAMERA_GROUPS * THREADS) {
         var weights = SURFACE_EPSILON;
         for (var k = 0u; k < frame.intersections; k++) {
             weights += intersections[k * pixels + p].y;

@@ -22,7 +22,9 @@ var<immediate> params: CameraTotalParams;
 /// Three rows a camera: (translation, focal x), (rotation, focal y), (principal point, 0, 0).
 @group(0) @binding(1) var<storage, read_write> v_cameras: array<vec4<f32>>;
 
-@compute @workgroup_size(CAMERA_GROUPS)
+const THREADS: u32 = CAMERA_GROUPS;
+
+@compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) local: u32) {
     for (var row = 0u; row < 3u; row++) {
         let total = reduce(local, partials[params.stride * local + params.first + row]);

@@ -99,10 +99,10 @@ fn add_pixel(sums: ptr<function, Sums>, p: u32, m: u32) {
     add_point(sums, pixel, offset, z, v_point, v_offset);
 }
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     var sums: Sums;
-    for (var p = wid.x * 256u + local; p < params.size.x * params.size.y; p += CAMERA_GROUPS * 256u) {
+    for (var p = wid.x * THREADS + local; p < params.size.x * params.size.y; p += CAMERA_GROUPS * THREADS) {
         // Which of the visible sources of this pixel this one is.
         var m = 0u;
         while m < params.visible && seen_source(seen[p], m) != params.index {

@@ -14,12 +14,14 @@
 /// Two a workgroup.
 @group(0) @binding(5) var<storage, read_write> partials: array<vec4<f32>>;
 
-@compute @workgroup_size(256)
+const THREADS: u32 = 256u;
+
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     let gain = exp(exposures[0].xyz);
     var by_gain = vec3(0.0);
     var by_offset = vec3(0.0);
-    for (var p = wid.x * 256u + local; p < params.pixels; p += EXPOSURE_GROUPS * 256u) {
+    for (var p = wid.x * THREADS + local; p < params.pixels; p += EXPOSURE_GROUPS * THREADS) {
         let t = transmittance[params.transmittance + p];
         let x = vec3(image[3u * p], image[3u * p + 1u], image[3u * p + 2u]);
         let v = vec3(v_exposed[3u * p], v_exposed[3u * p + 1u], v_exposed[3u * p + 2u]);

@@ -9,7 +9,9 @@
 @group(0) @binding(1) var<storage, read> partials: array<vec4<f32>>;
 @group(0) @binding(2) var<storage, read_write> v_exposure: array<vec4<f32>>;
 
-@compute @workgroup_size(EXPOSURE_GROUPS)
+const THREADS: u32 = EXPOSURE_GROUPS;
+
+@compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) local: u32) {
     let by_gain = reduce(local, partials[2u * local]);
     let by_offset = reduce(local, partials[2u * local + 1u]);

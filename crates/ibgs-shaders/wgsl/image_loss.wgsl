@@ -111,11 +111,13 @@ fn main(
 @group(0) @binding(1) var<storage, read_write> loss: array<f32>;
 @group(0) @binding(2) var<storage, read_write> stats: array<f32>;
 
-@compute @workgroup_size(256)
+const THREADS: u32 = 256u;
+
+@compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) local: u32) {
     let count = 3u * params.tiles.x * params.tiles.y;
     var sum = vec4(0.0);
-    for (var i = local; i < count; i += 256u) {
+    for (var i = local; i < count; i += THREADS) {
         sum += partials[i];
     }
     let total = reduce(local, sum);

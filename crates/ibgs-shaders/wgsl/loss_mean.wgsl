@@ -19,10 +19,12 @@ var<immediate> params: MeanParams;
 @group(0) @binding(1) var<storage, read_write> loss: array<f32>;
 @group(0) @binding(2) var<storage, read_write> stats: array<f32>;
 
-@compute @workgroup_size(256)
+const THREADS: u32 = 256u;
+
+@compute @workgroup_size(THREADS)
 fn main(@builtin(local_invocation_index) local: u32) {
     var sum = vec2(0.0);
-    for (var i = local; i < params.count; i += 256u) {
+    for (var i = local; i < params.count; i += THREADS) {
         sum += partials[i];
     }
     let total = reduce(local, vec4(sum, 0.0, 0.0));

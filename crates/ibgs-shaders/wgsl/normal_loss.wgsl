@@ -14,6 +14,8 @@
 @group(0) @binding(2) var<storage, read> photo: array<u32>;
 @group(0) @binding(3) var<storage, read_write> partials: array<vec2<f32>>;
 
+const THREADS: u32 = TILE * TILE;
+
 @compute @workgroup_size(TILE, TILE)
 fn main(
     @builtin(workgroup_id) wid: vec3<u32>,
@@ -127,10 +129,10 @@ fn main(
 @group(0) @binding(3) var<storage, read> v_loss: array<f32>;
 @group(0) @binding(4) var<storage, read_write> partials: array<vec4<f32>>;
 
-@compute @workgroup_size(256)
+@compute @workgroup_size(THREADS)
 fn main(@builtin(workgroup_id) wid: vec3<u32>, @builtin(local_invocation_index) local: u32) {
     var sum: CameraGradient;
-    for (var p = wid.x * 256u + local; p < params.size.x * params.size.y; p += CAMERA_GROUPS * 256u) {
+    for (var p = wid.x * THREADS + local; p < params.size.x * params.size.y; p += CAMERA_GROUPS * THREADS) {
         let at = vec2(p % params.size.x, p / params.size.x);
         let nd = depth_normal(at);
         if nd.inverse == 0.0 {

@@ -46,12 +46,17 @@ pub(super) fn moment_names(moments: AdamMoments) -> &'static [&'static str] {
     }
 }
 
+/// Values of a row that a thread of the packed form steps.
+fn together(row: usize) -> usize {
+    if row.is_multiple_of(3) { 3 } else { 1 }
+}
+
 /// Words of each of those buffers for a Gaussian with `row` values.
 pub(super) fn moment_words(moments: AdamMoments, row: usize) -> usize {
     match moments {
         AdamMoments::Full => row,
         // Three values share two words.
-        AdamMoments::Packed if row.is_multiple_of(3) => row / 3 * 2,
+        AdamMoments::Packed if together(row) == 3 => row / 3 * 2,
         AdamMoments::Packed => row,
     }
 }
@@ -141,7 +146,7 @@ impl Learned {
     /// Records the kernel of its form; with `means` the values are spherical harmonics.
     fn launch(&self, pass: &mut Pass, gradient: &Buffer<f32>, params: &AdamParams, means: Option<&Buffer<f32>>) {
         let values = &self.parameter;
-        let threads = if self.row.is_multiple_of(3) { self.count / 3 } else { self.count };
+        let threads = self.count / together(self.row);
         match (&self.moments[..], means) {
             ([moments], None) => {
                 pass.linear(&AdamPackedBindings { gradient, values, moments }, params, threads);

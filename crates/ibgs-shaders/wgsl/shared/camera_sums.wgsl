@@ -2,6 +2,8 @@
 // declares, and camera_total.wgsl adds these. The camera is [exp(rotation) R | exp(rotation) t + translation] in view space.
 #import reduce
 
+const THREADS: u32 = 256u;
+
 struct CameraGradient {
     translation: vec3<f32>,
     rotation: vec3<f32>,

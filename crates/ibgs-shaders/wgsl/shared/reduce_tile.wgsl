@@ -21,17 +21,9 @@ fn reduce_tile(local: u32, subgroup: u32, lane: u32, value: vec4<f32>) -> vec4<f
     return total;
 }
 #else
-var<workgroup> reduce_sums: array<vec4<f32>, THREADS>;
+#import reduce
 
 fn reduce_tile(local: u32, subgroup: u32, lane: u32, value: vec4<f32>) -> vec4<f32> {
-    reduce_sums[local] = value;
-    workgroupBarrier();
-    for (var step = THREADS / 2u; step > 0u; step >>= 1u) {
-        if local < step {
-            reduce_sums[local] += reduce_sums[local + step];
-        }
-        workgroupBarrier();
-    }
-    return reduce_sums[0];
+    return reduce(local, value);
 }
 #endif

@@ -145,7 +145,7 @@ fn packed_follows_the_twin(row: u32) {
         assert!(next.iter().all(|code| code >> (MOMENT1_BITS + MOMENT2_BITS) == 0));
         kept = next;
     }
-    assert!(30 * close < codes, "{close} of {codes} are rounded otherwise");
+    assert!(50 * close < codes, "{close} of {codes} are rounded otherwise");
     assert!(kept.iter().any(|code| code & ((1 << MOMENT2_BITS) - 1) > 1));
 }
 
